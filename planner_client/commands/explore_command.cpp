@@ -163,7 +163,7 @@ absl::StatusOr<SavedPlan> SavePlan(PlanningSession& session, const std::string& 
   absl::Status written = WritePlanOutputs(session, *document, output);
   if (!written.ok()) return written;
   SavedPlan saved;
-  for (const char* name : {"plan.json", "plan.csv", "report.html"}) {
+  for (const char* name : {"plan.json", "plan.csv", "report.html", "report.json"}) {
     saved.files.push_back((fs::path(folder) / name).string());
   }
   return saved;

@@ -10,8 +10,8 @@
 #include "core/json/strict_json.h"
 #include "planner_client/optimise/maximise.h"
 #include "planner_client/optimise/search_space.h"
+#include "planner_client/report/plan/plan_scene.h"
 #include "planner_client/report/plan/surface/display_mesh.h"
-#include "planner_client/report/plan/viewer_data.h"
 #include "planner_client/strategy/top_points.h"
 
 namespace sightline {
@@ -53,9 +53,9 @@ std::string MakeScene(const ExploreTask& task) {
   data.targets = task.targets;
   data.sampling = task.inspection.targets;
   data.measurable = task.oracle->measurable();
-  return ViewerDataJson(
+  return ToJson(PlanScene(
       data, MakeDisplayMesh(*task.part, task.targets, data.sampling.spacing_m, kDisplayTriangles),
-      {});
+      {}));
 }
 
 v1::OpticalSetting DefaultSetting(const Inspection& inspection) {

@@ -74,7 +74,7 @@ class ExploreSession {
 
   // The constant data: parameters and settings with their limits, numbers of targets, names.
   Json Setup() const;
-  // Part, targets and rig for the 3-D view (report/plan/viewer_data.h), as text.
+  // Part, targets and rig for the 3-D view, as the JSON of a v1::ReportScene.
   const std::string& Scene() const { return scene_; }
   // Position of the controls, scans of the plan with their gains, coverage so far.
   Json State() const;

@@ -5,13 +5,15 @@
 #include <cmath>
 #include <numbers>
 
-#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 
 namespace sightline {
 namespace {
 
 constexpr double kWidth = 360, kHeight = 260, kMargin = 34;
+
+using Subject = v1::DrawnShape::Subject;
+using Kind = v1::DrawnShape::Kind;
 
 // Metres of a plane to the drawing, y up to y down.
 class Canvas {
@@ -27,27 +29,22 @@ class Canvas {
     return {kWidth / 2 + away.x(), kHeight / 2 - away.y()};
   }
 
-  void Line(const Eigen::Vector2d& from_m, const Eigen::Vector2d& to_m, const char* css_class) {
-    const Eigen::Vector2d a = At(from_m), b = At(to_m);
-    absl::StrAppendFormat(&body_,
-                          "<line class=\"%s\" x1=\"%.1f\" y1=\"%.1f\" x2=\"%.1f\" y2=\"%.1f\"/>\n",
-                          css_class, a.x(), a.y(), b.x(), b.y());
+  void Line(const Eigen::Vector2d& from_m, const Eigen::Vector2d& to_m, Subject subject,
+            Kind kind = v1::DrawnShape::LINE) {
+    v1::DrawnShape& line = Add(kind, subject);
+    AddPoint(At(from_m), &line);
+    AddPoint(At(to_m), &line);
   }
 
-  void Polygon(const std::vector<Eigen::Vector2d>& corners_m, const char* css_class) {
-    std::string points;
-    for (const Eigen::Vector2d& corner_m : corners_m) {
-      const Eigen::Vector2d corner = At(corner_m);
-      absl::StrAppendFormat(&points, "%s%.1f,%.1f", points.empty() ? "" : " ", corner.x(),
-                            corner.y());
-    }
-    absl::StrAppend(&body_, "<polygon class=\"", css_class, "\" points=\"", points, "\"/>\n");
+  void Polygon(const std::vector<Eigen::Vector2d>& corners_m, Subject subject) {
+    v1::DrawnShape& area = Add(v1::DrawnShape::AREA, subject);
+    for (const Eigen::Vector2d& corner_m : corners_m) AddPoint(At(corner_m), &area);
   }
 
-  void Dot(const Eigen::Vector2d& place_m, double radius, const char* css_class) {
-    const Eigen::Vector2d place = At(place_m);
-    absl::StrAppendFormat(&body_, "<circle class=\"%s\" cx=\"%.1f\" cy=\"%.1f\" r=\"%.1f\"/>\n",
-                          css_class, place.x(), place.y(), radius);
+  void Dot(const Eigen::Vector2d& place_m, double radius, Subject subject) {
+    v1::DrawnShape& dot = Add(v1::DrawnShape::DOT, subject);
+    AddPoint(At(place_m), &dot);
+    dot.set_radius(radius);
   }
 
   // `away`: of the text's middle from the place, in units of the drawing, y up.
@@ -58,34 +55,49 @@ class Canvas {
     const double x = std::clamp(place.x() + away.x(), std::min(half, kWidth / 2),
                                 std::max(kWidth - half, kWidth / 2));
     const double y = std::clamp(place.y() - away.y() + 5, 15.0, kHeight - 4);
-    absl::StrAppendFormat(&body_, "<text x=\"%.1f\" y=\"%.1f\">%s</text>\n", x, y, text);
+    v1::DrawnShape& shape = Add(v1::DrawnShape::TEXT, v1::DrawnShape::PLAIN);
+    AddPoint({x, y}, &shape);
+    shape.set_text(text);
   }
 
-  // About the origin, angles from the vertical, positive to the right.
-  void Arc(double radius, double from_rad, double to_rad, const char* css_class) {
+  // About the origin, angles from the vertical, positive to the right; as a polyline.
+  void Arc(double radius, double from_rad, double to_rad, Subject subject) {
+    constexpr int kPieces = 32;
     const Eigen::Vector2d origin = At(Eigen::Vector2d::Zero());
-    const auto on = [&](double angle) {
-      return Eigen::Vector2d(origin.x() + radius * std::sin(angle),
-                             origin.y() - radius * std::cos(angle));
-    };
-    const Eigen::Vector2d a = on(from_rad), b = on(to_rad);
-    absl::StrAppendFormat(
-        &body_, "<path class=\"%s\" d=\"M%.1f %.1fA%.1f %.1f 0 %d %d %.1f %.1f\"/>\n", css_class,
-        a.x(), a.y(), radius, radius, std::abs(to_rad - from_rad) > std::numbers::pi ? 1 : 0,
-        to_rad > from_rad ? 1 : 0, b.x(), b.y());
+    v1::DrawnShape& arc = Add(v1::DrawnShape::LINE, subject);
+    for (int i = 0; i <= kPieces; ++i) {
+      const double angle = from_rad + (to_rad - from_rad) * i / kPieces;
+      AddPoint({origin.x() + radius * std::sin(angle), origin.y() - radius * std::cos(angle)},
+               &arc);
+    }
   }
 
-  std::string Svg(const char* title) const {
-    return absl::StrFormat(
-        "<svg class=\"drawing\" viewBox=\"0 0 %.0f %.0f\" role=\"img\" aria-label=\"%s\">\n%s"
-        "</svg>\n",
-        kWidth, kHeight, title, body_);
+  v1::ReportDrawing Drawing(const std::string& alternative, const std::string& caption) const {
+    v1::ReportDrawing drawing = drawing_;
+    drawing.set_alternative(alternative);
+    drawing.set_caption(caption);
+    drawing.set_width(kWidth);
+    drawing.set_height(kHeight);
+    return drawing;
   }
 
  private:
+  v1::DrawnShape& Add(Kind kind, Subject subject) {
+    v1::DrawnShape& shape = *drawing_.add_shapes();
+    shape.set_kind(kind);
+    shape.set_subject(subject);
+    return shape;
+  }
+
+  // A tenth of a unit is less than a pixel.
+  static void AddPoint(const Eigen::Vector2d& place, v1::DrawnShape* shape) {
+    shape->add_x(std::round(10 * place.x()) / 10);
+    shape->add_y(std::round(10 * place.y()) / 10);
+  }
+
   double scale_ = 1;
   Eigen::Vector2d centre_m_;
-  std::string body_;
+  v1::ReportDrawing drawing_;
 };
 
 std::string Millimetres(double length_m) { return absl::StrFormat("%.1f mm", 1e3 * length_m); }
@@ -96,7 +108,7 @@ std::string AngleText(double angle_rad) {
 
 // Body of a sensor as a box behind its pupil or source, drawn at a size that is seen; its name
 // moved by `name_offset`.
-void DrawSensor(Canvas& canvas, const Eigen::Vector2d& at_m, double size_m, const char* css_class,
+void DrawSensor(Canvas& canvas, const Eigen::Vector2d& at_m, double size_m, Subject subject,
                 const char* name, const Eigen::Vector2d& name_offset) {
   const double distance = at_m.norm();
   const Eigen::Vector2d out =
@@ -105,7 +117,7 @@ void DrawSensor(Canvas& canvas, const Eigen::Vector2d& at_m, double size_m, cons
   canvas.Polygon(
       {at_m, at_m + size_m * (out + 0.6 * side), at_m + 2.2 * size_m * out + 0.6 * size_m * side,
        at_m + 2.2 * size_m * out - 0.6 * size_m * side, at_m + size_m * (out - 0.6 * side)},
-      css_class);
+      subject);
   canvas.Text(at_m + 2.2 * size_m * out, 18 * out + name_offset, name);
 }
 
@@ -140,7 +152,7 @@ std::vector<Eigen::Vector2d> ConvexHull(std::vector<Eigen::Vector2d> points) {
   return hull;
 }
 
-std::string SideViewSvg(const DrawnScene& scene) {
+v1::ReportDrawing SideView(const DrawnScene& scene) {
   // The image rows, and with them the laser line, lie across the plane that both share.
   const Eigen::Vector3d across = scene.frames.camera.linear().col(0);
   const Eigen::Vector3d right = across.cross(Eigen::Vector3d::UnitZ()).normalized();
@@ -161,19 +173,20 @@ std::string SideViewSvg(const DrawnScene& scene) {
     shown.extend(Eigen::Vector2d(sensor_m * (1 + 2.2 * body_m / std::max(1e-9, sensor_m.norm()))));
   }
   Canvas canvas(shown);
-  canvas.Polygon(outline, "part");
-  canvas.Line({shown.min().x(), 0}, {shown.max().x(), 0}, "axis");
-  canvas.Line({0, 0}, {0, 0.62 * farther_m}, "axis");
-  canvas.Line({0, 0}, laser_m, "laser-line");
-  canvas.Line({0, 0}, camera_m, "camera-line");
+  canvas.Polygon(outline, v1::DrawnShape::PART);
+  canvas.Line({shown.min().x(), 0}, {shown.max().x(), 0}, v1::DrawnShape::AXIS,
+              v1::DrawnShape::DASHED_LINE);
+  canvas.Line({0, 0}, {0, 0.62 * farther_m}, v1::DrawnShape::AXIS, v1::DrawnShape::DASHED_LINE);
+  canvas.Line({0, 0}, laser_m, v1::DrawnShape::LASER);
+  canvas.Line({0, 0}, camera_m, v1::DrawnShape::CAMERA, v1::DrawnShape::DASHED_LINE);
   // From the laser to the camera, across the lines of sight: on their outer sides no label meets
   // another, however near the two are.
   const Eigen::Vector2d between = camera_m.normalized() - laser_m.normalized();
   const Eigen::Vector2d apart =
       between.norm() > 1e-9 ? Eigen::Vector2d(between.normalized()) : Eigen::Vector2d(1, 0);
-  DrawSensor(canvas, camera_m, body_m, "camera", "camera", 14 * apart);
-  DrawSensor(canvas, laser_m, body_m, "laser", "laser", -14 * apart);
-  canvas.Dot({0, 0}, 2.5, "origin");
+  DrawSensor(canvas, camera_m, body_m, v1::DrawnShape::CAMERA, "camera", 14 * apart);
+  DrawSensor(canvas, laser_m, body_m, v1::DrawnShape::LASER, "laser", -14 * apart);
+  canvas.Dot({0, 0}, 2.5, v1::DrawnShape::PLAIN);
   const double camera_rad = std::atan2(camera_m.x(), camera_m.y());
   const double laser_rad = std::atan2(laser_m.x(), laser_m.y());
   const auto label = [&](double angle_rad, double radius, const std::string& text) {
@@ -181,17 +194,19 @@ std::string SideViewSvg(const DrawnScene& scene) {
   };
   constexpr double kPolarRadius = 112, kAngleRadius = 64;
   if (std::abs(camera_rad) > 0.02) {
-    canvas.Arc(kPolarRadius, 0, camera_rad, "angle");
+    canvas.Arc(kPolarRadius, 0, camera_rad, v1::DrawnShape::AXIS);
     label(camera_rad / 2, kPolarRadius + 16, AngleText(camera_rad));
   }
-  canvas.Arc(kAngleRadius, laser_rad, camera_rad, "angle strong");
+  canvas.Arc(kAngleRadius, laser_rad, camera_rad, v1::DrawnShape::PLAIN);
   label((camera_rad + laser_rad) / 2, kAngleRadius - 20, AngleText(camera_rad - laser_rad));
   canvas.Text(0.9 * camera_m, 38 * apart, Millimetres(camera_m.norm()));
   canvas.Text(0.9 * laser_m, -38 * apart, Millimetres(laser_m.norm()));
-  return canvas.Svg("Camera, laser and part, seen along the laser line");
+  return canvas.Drawing("Camera, laser and part, seen along the laser line",
+                        "Along the laser line: polar angle of the camera, triangulation angle, "
+                        "distances to the origin");
 }
 
-std::string TopViewSvg(const DrawnScene& scene) {
+v1::ReportDrawing TopView(const DrawnScene& scene) {
   const auto project = [](const Eigen::Vector3d& place_m) {
     return Eigen::Vector2d(place_m.x(), place_m.y());
   };
@@ -210,28 +225,31 @@ std::string TopViewSvg(const DrawnScene& scene) {
   }
   const double size_m = shown.sizes().maxCoeff();
   Canvas canvas(shown);
-  canvas.Polygon(outline, "part");
-  canvas.Line({shown.min().x(), 0}, {shown.max().x(), 0}, "axis");
-  canvas.Line({0, shown.min().y()}, {0, shown.max().y()}, "axis");
+  canvas.Polygon(outline, v1::DrawnShape::PART);
+  canvas.Line({shown.min().x(), 0}, {shown.max().x(), 0}, v1::DrawnShape::AXIS,
+              v1::DrawnShape::DASHED_LINE);
+  canvas.Line({0, shown.min().y()}, {0, shown.max().y()}, v1::DrawnShape::AXIS,
+              v1::DrawnShape::DASHED_LINE);
   canvas.Text({shown.max().x(), 0}, {14, 0}, "+x");
   canvas.Text({0, shown.max().y()}, {0, 14}, "+y");
   // The way of the part's centre while the scan runs, with an arrow.
-  canvas.Line(start_m, end_m, "travel");
+  canvas.Line(start_m, end_m, v1::DrawnShape::PLAIN);
   const double head_m = 0.025 * size_m;
   canvas.Polygon({end_m, end_m + Eigen::Vector2d(-head_m, 0.6 * head_m),
                   end_m + Eigen::Vector2d(-head_m, -0.6 * head_m)},
-                 "arrow");
-  canvas.Dot(start_m, 2.5, "arrow");
+                 v1::DrawnShape::PLAIN);
+  canvas.Dot(start_m, 2.5, v1::DrawnShape::PLAIN);
   canvas.Text(start_m, {0, 15}, "start");
   canvas.Text(end_m, {0, 15}, "stop");
-  canvas.Line({0, 0}, laser_m, "laser-line");
-  canvas.Line({0, 0}, camera_m, "camera-line");
-  canvas.Dot(laser_m, 5, "laser");
-  canvas.Dot(camera_m, 5, "camera");
+  canvas.Line({0, 0}, laser_m, v1::DrawnShape::LASER);
+  canvas.Line({0, 0}, camera_m, v1::DrawnShape::CAMERA, v1::DrawnShape::DASHED_LINE);
+  canvas.Dot(laser_m, 5, v1::DrawnShape::LASER);
+  canvas.Dot(camera_m, 5, v1::DrawnShape::CAMERA);
   canvas.Text(laser_m, {0, -18}, "laser");
   canvas.Text(camera_m, {0, 18}, "camera");
-  canvas.Dot({0, 0}, 2.5, "origin");
-  return canvas.Svg("Camera, laser and part from above");
+  canvas.Dot({0, 0}, 2.5, v1::DrawnShape::PLAIN);
+  return canvas.Drawing("Camera, laser and part from above",
+                        "From above; the way of the part\u2019s centre");
 }
 
 }  // namespace sightline

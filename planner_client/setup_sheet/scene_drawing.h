@@ -4,10 +4,10 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <string>
 #include <vector>
 
 #include "planner_client/exports/scan_frames.h"
+#include "sightline/v1/report.pb.h"
 
 namespace sightline {
 
@@ -23,10 +23,10 @@ struct DrawnScene {
 
 // Along the laser line, in the plane that camera and laser share: polar angle of the camera,
 // triangulation angle, distances.
-std::string SideViewSvg(const DrawnScene& scene);
+v1::ReportDrawing SideView(const DrawnScene& scene);
 
 // From above: x to the right, y up; the way of the stage.
-std::string TopViewSvg(const DrawnScene& scene);
+v1::ReportDrawing TopView(const DrawnScene& scene);
 
 // Corners of the convex hull of points in a plane, counter-clockwise (Andrew's monotone chain);
 // of fewer than three different points, these.

@@ -3,13 +3,13 @@
 // each set-up in its order; for each scan where the plan has no set-ups.
 #pragma once
 
-#include <Eigen/Geometry>
 #include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
 #include "core/part/mesh.h"
 #include "sightline/v1/plan.pb.h"
+#include "sightline/v1/report.pb.h"
 
 namespace sightline {
 
@@ -21,10 +21,10 @@ struct SetUpSheet {
   std::vector<std::string> pictures_png;
 };
 
-// One HTML file in UTF-8 that needs nothing else; the same data give the same bytes. Says of what
-// is in the plan only: resting faces, settings and robot moves appear where the plan has them.
-// INVALID_ARGUMENT: poses as FramesOfScan, resting faces and scans of set-ups that the plan does
-// not have, a mesh without vertices, and pictures whose number is not that of the scans.
-absl::StatusOr<std::string> SetUpSheetHtml(const SetUpSheet& sheet);
+// The sheet as data; the same plan gives the same report. Says of what is in the plan only: resting
+// faces, settings and robot moves appear where the plan has them. INVALID_ARGUMENT: poses as
+// FramesOfScan, resting faces and scans of set-ups that the plan does not have, a mesh without
+// vertices, and pictures whose number is not that of the scans.
+absl::StatusOr<v1::Report> SetUpReport(const SetUpSheet& sheet);
 
 }  // namespace sightline

@@ -19,6 +19,7 @@ const {chromium} = createRequire(join(resolve(packages), 'package.json'))('playw
 const folder = mkdtempSync(join(tmpdir(), 'sightline-report-page-'));
 execFileSync(program, [folder]);
 const REPORTS = ['diagnosis_report', 'optics_report', 'sensor_report', 'verification_report'];
+const PLANS = ['plan_report', 'full_plan_report', 'setup'];
 const browser = await chromium.launch({
   executablePath, headless: true, args: ['--no-sandbox', '--disable-gpu', '--enable-unsafe-swiftshader'],
 });
@@ -52,7 +53,7 @@ function writePage(name, data) {
 
 const tests = {
   'nothing is wider than the page': async () => {
-    for (const name of REPORTS) {
+    for (const name of [...REPORTS, ...PLANS]) {
       for (const width of [1400, 800, 390]) {
         await withPage(pageOf(name), async (page) => {
           const wide = await page.evaluate(() => document.documentElement.scrollWidth);
@@ -119,6 +120,50 @@ const tests = {
     const report = {heading: 'x', sections: [{id: 'a', title: 'A', blocks: [{hologram: {}}, {paragraph: {runs: [{text: 'here'}]}}]}]};
     await withPage(writePage('later', report), async (page) => {
       assert.match(await page.locator('#a').innerText(), /older than its report[\s\S]*here/);
+    });
+  },
+
+  'a plan shows its part, and rows steer the view': async () => {
+    await withPage(pageOf('plan_report'), async (page) => {
+      await page.locator('#viewer:visible').waitFor();
+      assert.match(await page.locator('#legend').innerText(), /admissible/);
+      const second = page.locator('#scans tbody tr').nth(1);
+      await second.focus();
+      await page.keyboard.press('Enter');
+      assert.match(await second.getAttribute('class'), /selected/);
+      assert.equal(await page.locator('#scan').inputValue(), '2');
+      // A row stays chosen where it is sorted to.
+      await page.locator('#features tbody tr').first().click();
+      assert.equal(await page.locator('#region-chip').isVisible(), true);
+      assert.match(await page.locator('#features tbody tr').first().getAttribute('class'), /selected/);
+      await page.locator('#region-clear').click();
+      assert.equal(await page.locator('#region-chip').isVisible(), false);
+    });
+  },
+
+  'a scene that cannot be read says so, and the tables stay': async () => {
+    const text = readFileSync(pageOf('plan_report'), 'utf8');
+    const damaged = text.replace(/"triangles":"[^"]*"/, '"triangles":"AAAA"');
+    assert.notEqual(damaged, text);
+    writeFileSync(pageOf('damaged_scene'), damaged);
+    await withPage(pageOf('damaged_scene'), async (page) => {
+      await page.locator('#fallback-notice:visible').waitFor();
+      await page.waitForFunction(() => /could not start/.test(document.querySelector('#fallback-notice').textContent));
+      assert.equal(await page.locator('#viewer').isVisible(), false);
+      assert.ok(await page.locator('#scans tbody tr').count() > 0);
+      assert.equal(await page.locator('tr[tabindex]').count(), 0);
+    });
+  },
+
+  'a picture of a table is enlarged and closed by keys': async () => {
+    const png = 'iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNkYPhfDwAChwGA60e6kgAAAABJRU5ErkJggg==';
+    const report = {heading: 'x', sections: [{id: 'a', title: 'A', blocks: [
+      {table: {title: 'Scans', columns: [{name: 'scan'}], rows: [{cells: [{text: '1', picture: {png, alternative: 'Scan 1'}}]}]}}]}]};
+    await withPage(writePage('thumbnail', report), async (page) => {
+      await page.getByRole('button', {name: 'Enlarge: Scan 1'}).press('Enter');
+      assert.equal(await page.locator('dialog img').getAttribute('alt'), 'Scan 1');
+      await page.keyboard.press('Escape');
+      await page.locator('dialog').waitFor({state: 'detached'});
     });
   },
 

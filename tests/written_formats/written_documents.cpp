@@ -22,7 +22,6 @@
 #include "planner_client/report/optics/optics_report.h"
 #include "planner_client/report/plan/plan_csv.h"
 #include "planner_client/report/plan/report.h"
-#include "planner_client/report/plan/sections/pareto_section.h"
 #include "planner_client/report/sensor/sensor_report.h"
 #include "planner_client/report/uncertainty/qif_export.h"
 #include "planner_client/report/uncertainty/uncertainty_ply.h"
@@ -202,9 +201,10 @@ struct Document {
 
 std::vector<Document> Documents() {
   std::vector<Document> documents = {
-      {"plan_report.html", [] { return RenderReport(SampleUncertaintyPlan()); }},
-      {"full_plan_report.html", [] { return RenderReport(FullReport()); }},
-      {"setup.html", [] { return SetUpSheetHtml(Sheet()); }},
+      {"plan_report.html", [] { return PageOf(PlanReport(SampleUncertaintyPlan())); }},
+      {"plan_report.json", [] { return DataOf(PlanReport(SampleUncertaintyPlan())); }},
+      {"full_plan_report.html", [] { return PageOf(PlanReport(FullReport())); }},
+      {"setup.html", [] { return PageOf(SetUpReport(Sheet())); }},
       {"optics_report.html",
        [] {
          const v1::DeviceChoice devices = SampleDevices();
@@ -214,7 +214,6 @@ std::vector<Document> Documents() {
       {"sensor_report.html", [] { return PageOf(SensorReport(SampleSensorDiagnosis())); }},
       {"sensor_report.json", [] { return DataOf(SensorReport(SampleSensorDiagnosis())); }},
       {"verification_report.html", [] { return PageOf(VerificationReport(SampleVerification())); }},
-      {"pareto.svg", [] { return ParetoSvgFile(*FullReport().pareto); }},
       {"plan.csv", [] { return PlanCsv(SamplePlan()); }},
       {"service.openapi.json", [] { return OpenApiJson(); }},
       {"uncertainty.ply", UncertaintyCloud},

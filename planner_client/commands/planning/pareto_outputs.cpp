@@ -13,7 +13,6 @@
 #include "planner_client/command_line/process/print.h"
 #include "planner_client/pareto/frame_estimate.h"
 #include "planner_client/pareto/make_pareto_front.h"
-#include "planner_client/report/plan/sections/pareto_section.h"
 #include "planner_client/strategy/plan_run.h"
 
 namespace sightline {
@@ -38,11 +37,7 @@ ParetoTask TaskOf(const PlanningSession& session, const PlanningGoal& goal) {
 
 absl::Status WriteFront(const v1::ParetoFront& front, const std::string& folder) {
   if (absl::Status made = MakeOutputFolder(folder); !made.ok()) return made;
-  if (absl::Status status = WriteFileAtomically(folder + "/pareto.json", ToJson(front));
-      !status.ok()) {
-    return status;
-  }
-  return WriteFileAtomically(folder + "/pareto.svg", ParetoSvgFile(front));
+  return WriteFileAtomically(folder + "/pareto.json", ToJson(front));
 }
 
 // The point's scans, evaluated exactly again.
@@ -88,7 +83,7 @@ absl::StatusOr<std::vector<ChosenScan>> EvaluateAgain(const PlanningSession& ses
 void AddParetoOptions(CLI::App& app, ParetoOptions* options) {
   app.add_flag("--pareto", options->front,
                "also plan with fewer and more scans and for less time, and write the trade-off: "
-               "pareto.json, pareto.svg");
+               "pareto.json");
   app.add_option("--pick", options->pick.number,
                  "plan and report of this point of the pareto.json in --out, without planning "
                  "again");

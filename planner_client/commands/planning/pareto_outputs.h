@@ -29,7 +29,7 @@ void AddParetoOptions(CLI::App& app, ParetoOptions* options);
 absl::Status CheckParetoOptions(const ParetoOptions& options, const std::string& strategy,
                                 const std::string& other);
 
-// Plans the front and writes pareto.json and pareto.svg into the output folder; the front is put
+// Plans the front and writes pareto.json into the output folder; the front is put
 // into `output`, for the report. The result is the plan of the chosen point, PointForGoal. Errors:
 // those of MakeParetoFront, and of writing.
 absl::StatusOr<PlannerResult> PlanFront(const PlanningSession& session,

@@ -26,6 +26,7 @@
 #include "planner_client/commands/planning/set_up_outputs.h"
 #include "planner_client/commands/planning/uncertainty_outputs.h"
 #include "planner_client/commands/planning/uncovered_outputs.h"
+#include "planner_client/report/document/report_page.h"
 #include "planner_client/report/plan/plan_csv.h"
 
 namespace sightline {
@@ -43,7 +44,8 @@ bool IsPointCloud(absl::string_view name) {
 // Files about the scans of the plan that was in the folder before.
 absl::Status RemoveEarlierPlan(const std::string& folder) {
   namespace fs = std::filesystem;
-  absl::Status status = RemoveFiles(folder, {"report.html", "uncertainty.ply", "plan.qif"});
+  absl::Status status =
+      RemoveFiles(folder, {"report.html", "report.json", "uncertainty.ply", "plan.qif"});
   if (!status.ok()) return status;
   const fs::path points = fs::path(folder) / "points";
   std::vector<std::string> clouds;
@@ -269,9 +271,9 @@ absl::Status WritePlanOutputs(PlanningSession& session, PlanDocument& document,
     data->notes.push_back(missing);
     PrintTextTo(stderr, "warning: %s\n", missing.c_str());
   }
-  auto html = RenderReport(*data);
-  if (!html.ok()) return html.status();
-  return WriteFileAtomically(options.folder + "/report.html", *html);
+  auto report = PlanReport(*data);
+  if (!report.ok()) return report.status();
+  return WriteReport(*report, options.folder + "/report.html");
 }
 
 }  // namespace sightline

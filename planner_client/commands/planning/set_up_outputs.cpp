@@ -11,6 +11,7 @@
 #include "core/physics/angle.h"
 #include "planner_client/command_line/process/output_folder.h"
 #include "planner_client/exports/export_files.h"
+#include "planner_client/report/document/report_page.h"
 #include "planner_client/scan_quality/scan_quality.h"
 #include "planner_client/setup_sheet/setup_sheet.h"
 
@@ -103,9 +104,9 @@ absl::Status WriteSetUpFiles(const ReportData& data, const std::string& folder) 
   SetUpSheet sheet{
       .plan = data.plan, .part_name = data.part_name, .mesh = data.mesh, .pictures_png = {}};
   for (const ReportScan& scan : data.scans) sheet.pictures_png.push_back(scan.rendered_view_png);
-  const auto html = SetUpSheetHtml(sheet);
-  if (!html.ok()) return html.status();
-  absl::Status written = WriteFileAtomically(absl::StrCat(folder, "/", kSetUpSheetFile), *html);
+  const auto report = SetUpReport(sheet);
+  if (!report.ok()) return report.status();
+  absl::Status written = WriteReport(*report, absl::StrCat(folder, "/", kSetUpSheetFile));
   if (!written.ok()) return written;
   const auto exports = ExportPlan(data.plan);
   if (!exports.ok()) return exports.status();

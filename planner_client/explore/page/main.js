@@ -43,7 +43,7 @@ class Explorer {
 
   async openView() {
     try {
-      this.view = new PartView($('canvas'), $('frame'), await getText('api/scene'));
+      this.view = await PartView.open($('canvas'), $('frame'), await getText('api/scene'));
     } catch (error) {
       console.warn(error);
       this.view = null;

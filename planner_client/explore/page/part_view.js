@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The 3-D view: the report's scene, coloured by the targets that the plan and this scan measure.
-import {hasBit, readViewerData} from '../../report/viewer/data.js';
+import {hasBit, readScene} from '../../report/viewer/data.js';
 import {COVERED, NEVER, NEW, PartScene, UNMEASURABLE} from '../../report/viewer/scene.js';
 
 const LEGEND = [
@@ -26,9 +26,13 @@ export function targetStates(count, measurable, plan, scan) {
 }
 
 export class PartView {
-  /** Throws if there is no WebGL. */
-  constructor(canvas, frame, sceneText) {
-    this.data = readViewerData(sceneText);
+  /** Fails if there is no WebGL. `sceneText` is a ReportScene in JSON. */
+  static async open(canvas, frame, sceneText) {
+    return new PartView(canvas, frame, await readScene(JSON.parse(sceneText)));
+  }
+
+  constructor(canvas, frame, data) {
+    this.data = data;
     this.scene = new PartScene(canvas, this.data);
     this.scene.setPalette(['--covered', '--new', '--later', '--never', '--unmeasurable'].map(css), css('--edge'), css('--edge-ghost'));
     this.scene.setShown([1, 1, 1, 1, 1]);

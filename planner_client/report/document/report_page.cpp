@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "planner_client/report/document/report_page.h"
 
+#include <algorithm>
 #include <filesystem>
 
 #include "core/file/atomic_write.h"
@@ -10,12 +11,34 @@
 #include "planner_client/report/page/page_template.h"
 
 namespace sightline {
+namespace {
+
+template <class Blocks>
+bool HasScene(const Blocks& blocks) {
+  return std::any_of(blocks.begin(), blocks.end(), [](const v1::ReportBlock& block) {
+    return block.has_scene() || HasScene(block.group().blocks());
+  });
+}
+
+bool HasScene(const v1::Report& report) {
+  return std::any_of(report.sections().begin(), report.sections().end(),
+                     [](const auto& section) { return HasScene(section.blocks()); });
+}
+
+}  // namespace
 
 std::string ReportPage(const v1::Report& report, const std::string& data_file) {
+  std::string scene, scene_style;
+  if (HasScene(report)) {
+    scene = FillTemplate(ScenePage(), {{"SCENE_SCRIPT", std::string(SceneScript())}});
+    scene_style = std::string(SceneStyle());
+  }
   return FillTemplate(DocumentPage(), {{"TITLE", EscapeHtml(report.title())},
                                        {"STYLE", std::string(DocumentStyle())},
+                                       {"SCENE_STYLE", scene_style},
                                        {"DATA_FILE", EscapeHtml(data_file)},
-                                       {"DATA", JsonForScript(ToJson(report))},
+                                       {"DATA", JsonForScript(CompactJson(ToJson(report)))},
+                                       {"SCENE", scene},
                                        {"SCRIPT", std::string(DocumentScript())}});
 }
 

@@ -91,6 +91,10 @@ v1::ReportFact NumberFact(const std::string& name, double number, const std::str
   return fact;
 }
 
+v1::ReportFact CountFact(const std::string& name, int64_t count, const std::string& detail) {
+  return NumberFact(name, static_cast<double>(count), "", GroupedInteger(count), detail);
+}
+
 v1::ReportBlock FactsBlock(const std::vector<v1::ReportFact>& facts) {
   v1::ReportBlock block;
   block.mutable_facts()->mutable_facts()->Assign(facts.begin(), facts.end());

@@ -40,6 +40,7 @@ v1::ReportFact TextFact(const std::string& name, const std::string& text,
 // The same with its number in `unit`; a number that is not finite is left out.
 v1::ReportFact NumberFact(const std::string& name, double number, const std::string& unit,
                           const std::string& text, const std::string& detail = "");
+v1::ReportFact CountFact(const std::string& name, int64_t count, const std::string& detail = "");
 v1::ReportBlock FactsBlock(const std::vector<v1::ReportFact>& facts);
 
 v1::ReportColumn WordsColumn(const std::string& name);

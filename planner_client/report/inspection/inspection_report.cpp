@@ -30,7 +30,7 @@ const char* DecisionText(v1::InspectedFeature::Decision decision) {
   }
 }
 
-v1::ReportCell Millimetres(bool known, double length_m, int decimals) {
+v1::ReportCell KnownMillimetres(bool known, double length_m, int decimals) {
   if (!known) return TextCell(kNoValue);
   return NumberCell(1e3 * length_m, FixedNumber(1e3 * length_m, decimals));
 }
@@ -44,12 +44,12 @@ v1::ReportCell ZoneCell(const v1::InspectedFeature& f) {
                               : TextCell(kNoValue);
 }
 
-ReportBlocks FeatureBlocks(const v1::InspectionResult& result) {
+ReportBlocks InspectedFeatureBlocks(const v1::InspectionResult& result) {
   std::vector<ReportCells> rows;
   for (const v1::InspectedFeature& f : result.features()) {
     rows.push_back({TextCell(f.name()), TextCell(f.kind()),
-                    Millimetres(f.has_value_m(), f.value_m(), 4),
-                    Millimetres(f.has_expanded_uncertainty_m(), f.expanded_uncertainty_m(), 4),
+                    KnownMillimetres(f.has_value_m(), f.value_m(), 4),
+                    KnownMillimetres(f.has_expanded_uncertainty_m(), f.expanded_uncertainty_m(), 4),
                     ZoneCell(f), StrongCell(DecisionText(f.decision())), TextCell(f.because())});
   }
   if (rows.empty()) return {RemarkBlock("The inspection has no toleranced features.")};
@@ -67,8 +67,8 @@ ReportBlocks ProfileBlocks(const v1::InspectionResult& result) {
     if (!f.has_largest_deviation_m()) continue;
     const auto& p = f.worst_place_m();
     rows.push_back(
-        {TextCell(f.name()), Millimetres(true, f.smallest_deviation_m(), 3),
-         Millimetres(true, f.largest_deviation_m(), 3),
+        {TextCell(f.name()), KnownMillimetres(true, f.smallest_deviation_m(), 3),
+         KnownMillimetres(true, f.largest_deviation_m(), 3),
          TextCell("± " + FixedNumber(0.5e3 * f.zone_width_m(), 3)),
          TextCell(absl::StrFormat("%.1f, %.1f, %.1f", 1e3 * p.x(), 1e3 * p.y(), 1e3 * p.z())),
          TextCell(absl::StrCat(f.measured_targets(), " of ", f.targets()))});
@@ -88,7 +88,7 @@ ReportBlocks ScanBlocks(const v1::InspectionResult& result) {
                     CountCell(scan.outliers_among_neighbours()),
                     CountCell(scan.outliers_off_the_model()), CountCell(scan.duplicates()),
                     CountCell(scan.without_value()),
-                    Millimetres(true, scan.registration_rms_m(), 4)});
+                    KnownMillimetres(true, scan.registration_rms_m(), 4)});
   }
   if (rows.empty()) return {};
   return {TableBlock("Scans",
@@ -140,10 +140,6 @@ ReportBlocks PoseBlocks(const v1::AsMeasured& m) {
                   row("turn [°]", m.rotation_deg(), m.rotation_standard_deviation_deg(), 1)})};
 }
 
-v1::ReportFact CountFact(const std::string& name, int64_t count) {
-  return NumberFact(name, static_cast<double>(count), "", GroupedInteger(count));
-}
-
 }  // namespace
 
 absl::StatusOr<v1::Report> InspectionReport(const v1::InspectionResult& result,
@@ -176,7 +172,7 @@ absl::StatusOr<v1::Report> InspectionReport(const v1::InspectionResult& result,
                  absl::StrCat(GroupedInteger(result.surface().measured_targets()), " of ",
                               GroupedInteger(result.surface().targets())));
   *report.mutable_warnings() = result.warnings();
-  AddSection(&report, "features", "Features", FeatureBlocks(result));
+  AddSection(&report, "features", "Features", InspectedFeatureBlocks(result));
   AddSection(&report, "next", "Next scan", NextScanBlocks(result));
   AddSection(&report, "surface", "Surface", *std::move(views));
   AddSection(&report, "profiles", "Profiles", ProfileBlocks(result));

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "planner_client/report/page/html.h"
 
-#include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
 
@@ -10,22 +9,6 @@ namespace sightline {
 std::string EscapeHtml(absl::string_view text) {
   return absl::StrReplaceAll(
       text, {{"&", "&amp;"}, {"<", "&lt;"}, {">", "&gt;"}, {"\"", "&quot;"}, {"'", "&#39;"}});
-}
-
-std::string ScrollingTable(absl::string_view label_html, absl::string_view attributes) {
-  std::string label;
-  bool in_tag = false;
-  for (const char c : label_html) {
-    if (c == '<') in_tag = true;
-    if (!in_tag) label += c;
-    if (c == '>' && in_tag) {
-      in_tag = false;
-      label += ' ';
-    }
-  }
-  return absl::StrCat("<div class=\"table-wrap\" tabindex=\"0\" role=\"group\" aria-label=\"",
-                      absl::StrReplaceAll(label, {{"\"", "&quot;"}}), "\"><table",
-                      attributes.empty() ? "" : " ", attributes, ">");
 }
 
 std::string GroupedInteger(int64_t value) {
@@ -38,8 +21,22 @@ std::string GroupedInteger(int64_t value) {
   return digits;
 }
 
-std::string PngDataUri(absl::string_view png) {
-  return absl::StrCat("data:image/png;base64,", absl::Base64Escape(png));
+std::string CompactJson(absl::string_view json) {
+  std::string compact;
+  compact.reserve(json.size());
+  bool in_text = false;
+  for (size_t i = 0; i < json.size(); ++i) {
+    const char c = json[i];
+    if (in_text && c == '\\') {
+      compact += json[i];
+      if (i + 1 < json.size()) compact += json[i + 1];
+      ++i;
+      continue;
+    }
+    if (c == '"') in_text = !in_text;
+    if (in_text || (c != ' ' && c != '\n')) compact += c;
+  }
+  return compact;
 }
 
 std::string JsonForScript(absl::string_view json) {

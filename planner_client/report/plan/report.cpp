@@ -8,9 +8,8 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "planner_client/report/page/assets.h"
 #include "planner_client/report/page/html.h"
-#include "planner_client/report/page/page_template.h"
+#include "planner_client/report/plan/plan_scene.h"
 #include "planner_client/report/plan/sections/as_measured_section.h"
 #include "planner_client/report/plan/sections/effort_sections.h"
 #include "planner_client/report/plan/sections/finding.h"
@@ -25,7 +24,6 @@
 #include "planner_client/report/plan/sections/surface_sections.h"
 #include "planner_client/report/plan/surface/display_mesh.h"
 #include "planner_client/report/plan/surface/uncovered_regions.h"
-#include "planner_client/report/plan/viewer_data.h"
 #include "planner_client/report/uncertainty/uncertainty_report.h"
 
 namespace sightline {
@@ -34,105 +32,132 @@ namespace {
 constexpr size_t kMaxDisplayTriangles = 300000;
 constexpr size_t kMaxRegions = 20;
 
-std::string SetupsSection(const ReportData& data) {
+ReportBlocks SetupsOf(const ReportData& data) {
   std::vector<std::string> pictures;
   for (const ReportScan& scan : data.scans) pictures.push_back(scan.rendered_view_png);
-  const std::string body = SetupsHtml(data.plan, pictures);
-  return body.empty() ? "" : PlanSection("setups", "How the part lies", body, "long");
+  return SetupsBlocks(data.plan, pictures);
 }
 
-std::string AccuracySection(const ReportData& data) {
+ReportBlocks AccuracyBlocks(const ReportData& data) {
   const v1::PlanCoverage& coverage = data.plan.coverage();
-  const auto of_measurable = [&](int64_t count) {
-    return Percent(
-        coverage.measurable_targets() > 0
-            ? static_cast<double>(count) / static_cast<double>(coverage.measurable_targets())
-            : 0,
-        2);
+  const v1::PlanUncertainty& uncertainty = data.plan.uncertainty();
+  const auto of_measurable = [&](const std::string& name, int64_t count) {
+    const int64_t measurable = coverage.measurable_targets();
+    return PercentFact(
+        name, measurable > 0 ? static_cast<double>(count) / static_cast<double>(measurable) : 0, 2);
   };
-  std::string body =
-      "<p class=\"soft\">Every number in this report comes from the exact, frame-by-frame "
-      "evaluation. The "
-      "search used a faster estimate; this is how far it was off for the scans of this plan.</p>\n";
-  std::vector<std::pair<std::string, std::string>> fresh;
+  std::vector<v1::ReportFact> fresh;
   if (coverage.has_fresh_coverage()) {
-    fresh.push_back({"Measured, on validation targets", Percent(coverage.fresh_coverage(), 2)});
-    fresh.push_back(
-        {"Fresh measurable targets", GroupedInteger(coverage.fresh_measurable_targets())});
+    fresh.push_back(PercentFact("Measured, on validation targets", coverage.fresh_coverage(), 2));
+    fresh.push_back(CountFact("Fresh measurable targets", coverage.fresh_measurable_targets()));
   }
-  if (data.plan.uncertainty().has_fresh_admissible_fraction()) {
-    fresh.push_back({"Admissible", Percent(data.plan.uncertainty().admissible_fraction(), 2)});
-    fresh.push_back({"Admissible, on validation targets",
-                     Percent(data.plan.uncertainty().fresh_admissible_fraction(), 2)});
+  if (uncertainty.has_fresh_admissible_fraction()) {
+    fresh.push_back(PercentFact("Admissible", uncertainty.admissible_fraction(), 2));
+    fresh.push_back(PercentFact("Admissible, on validation targets",
+                                uncertainty.fresh_admissible_fraction(), 2));
   }
-  if (!fresh.empty()) {
-    body +=
-        "<p class=\"soft\">Scans are chosen to suit the plan's targets; validation targets, "
-        "sampled "
-        "anew, "
-        "show how much of that holds for the surface between them.</p>\n";
-  }
-  body += FactsTable(
-      {{"Fast estimate, mean error",
-        absl::StrCat(Percent(coverage.fast_mean_absolute_error(), 2), " of all targets")},
-       {"Fast estimate, largest error",
-        absl::StrCat(Percent(coverage.fast_max_absolute_error(), 2), " of all targets")},
-       {"Measured, exact", of_measurable(coverage.covered_targets())},
-       {"Measured, without the check of normals",
-        of_measurable(coverage.covered_targets_without_normal_gate())}});
-  if (!fresh.empty()) body += FactsTable(fresh);
-  return PlanSection("accuracy", "How sure the numbers are", body);
+  ReportBlocks blocks = {
+      RemarkBlock(
+          "Every number in this report comes from the exact, frame-by-frame evaluation. The "
+          "search used a faster estimate; this is how far it was off for the scans of this "
+          "plan."),
+      FactsBlock({PercentFact("Fast estimate, mean error", coverage.fast_mean_absolute_error(), 2,
+                              "of all targets"),
+                  PercentFact("Fast estimate, largest error", coverage.fast_max_absolute_error(), 2,
+                              "of all targets"),
+                  of_measurable("Measured, exact", coverage.covered_targets()),
+                  of_measurable("Measured, without the check of normals",
+                                coverage.covered_targets_without_normal_gate())})};
+  if (fresh.empty()) return blocks;
+  blocks.push_back(
+      RemarkBlock("Scans are chosen to suit the plan's targets; validation targets, sampled anew, "
+                  "show how much of that holds for the surface between them."));
+  blocks.push_back(FactsBlock(fresh));
+  return blocks;
 }
 
-std::string NotesSection(const std::vector<std::string>& notes) {
-  std::string body = "<ul>";
-  for (const std::string& note : notes) absl::StrAppend(&body, "<li>", EscapeHtml(note), "</li>");
-  return PlanSection("notes", "Notes", body + "</ul>\n");
+ReportBlocks NotesBlocks(const std::vector<std::string>& notes) {
+  std::vector<std::vector<v1::ReportRun>> items;
+  for (const std::string& note : notes) items.push_back({PlainRun(note)});
+  if (items.empty()) return {};
+  return {ListBlock(items)};
 }
 
-std::string ProvenanceSection(const ReportData& data) {
-  const v1::Plan& plan = data.plan;
-  const auto text = [](const std::string& value) {
-    return value.empty() ? "\u2013" : EscapeHtml(value);
-  };
-  const auto code = [&](const std::string& value) {
-    return absl::StrCat("<code>", text(value), "</code>");
-  };
+// "1 covered + 0.2 admissible": the weights of the gain of a target.
+std::string GainText(const v1::GainWeights& weights) {
   std::string gain;
   for (const auto& [name, weight] :
-       {std::pair{"covered", plan.uncertainty().gain().coverage()},
-        std::pair{"admissible", plan.uncertainty().gain().admissible()},
-        std::pair{"relaxed", plan.uncertainty().gain().relaxed()},
-        std::pair{"information", plan.uncertainty().gain().information()},
-        std::pair{"total uncertainty", plan.uncertainty().gain().total_uncertainty()}}) {
-    if (weight != 0)
-      absl::StrAppendFormat(&gain, "%s%.4g %s", gain.empty() ? "" : " + ", weight, name);
+       {std::pair{"covered", weights.coverage()}, std::pair{"admissible", weights.admissible()},
+        std::pair{"relaxed", weights.relaxed()}, std::pair{"information", weights.information()},
+        std::pair{"total uncertainty", weights.total_uncertainty()}}) {
+    if (weight == 0) continue;
+    absl::StrAppendFormat(&gain, "%s%.4g %s", gain.empty() ? "" : " + ", weight, name);
   }
-  std::vector<std::pair<std::string, std::string>> facts = {
-      {"Inspection", text(plan.inspection_name())},
-      {"Part", text(data.part_name)},
-      {"Sightline", text(plan.sightline_version())},
-      {"Strategy", text(plan.strategy())},
-      {"Seed", absl::StrCat(plan.seed())},
-      {"Stopped because", StopWords(plan.stop_reason())},
-      {"Target spacing",
-       absl::StrCat(Millimetres(data.sampling.spacing_m), " mm, seed ", data.sampling.seed)},
-      {"Coverage radius", absl::StrCat(Millimetres(data.sampling.coverage_radius_m), " mm")},
-      {"Part digest", code(plan.part_digest())},
-      {"Scene digest", code(plan.scene_digest())}};
-  if (!gain.empty()) facts.push_back({"Gain of a target", gain});
-  return PlanSection("provenance", "How to get this plan again", FactsTable(facts, "left"));
+  return gain;
+}
+
+ReportBlocks ProvenanceBlocks(const ReportData& data) {
+  const v1::Plan& plan = data.plan;
+  const auto fact = [](const std::string& name, const std::string& text) {
+    return TextFact(name, text.empty() ? kNoValue : text);
+  };
+  const auto length = [](const std::string& name, double length_m, const std::string& detail) {
+    return NumberFact(name, 1e3 * length_m, "mm", absl::StrCat(Millimetres(length_m), " mm"),
+                      detail);
+  };
+  std::vector<v1::ReportFact> facts = {
+      fact("Inspection", plan.inspection_name()),
+      fact("Part", data.part_name),
+      fact("Sightline", plan.sightline_version()),
+      fact("Strategy", plan.strategy()),
+      fact("Seed", absl::StrCat(plan.seed())),
+      fact("Stopped because", StopWords(plan.stop_reason())),
+      length("Target spacing", data.sampling.spacing_m, absl::StrCat("seed ", data.sampling.seed)),
+      length("Coverage radius", data.sampling.coverage_radius_m, ""),
+      fact("Part digest", plan.part_digest()),
+      fact("Scene digest", plan.scene_digest())};
+  const std::string gain = GainText(plan.uncertainty().gain());
+  if (!gain.empty()) facts.push_back(fact("Gain of a target", gain));
+  return {FactsBlock(facts)};
+}
+
+v1::ReportBlock SceneBlock(const ReportData& data, const DisplayMesh& display,
+                           const std::vector<UncoveredRegion>& regions) {
+  v1::ReportBlock block;
+  *block.mutable_scene() = PlanScene(data, display, regions);
+  block.mutable_scene()->set_picture_png(data.coverage_png);
+  return block;
+}
+
+void AddNarrowSection(v1::Report* report, const std::string& id, const std::string& title,
+                      const ReportBlocks& blocks) {
+  AddSection(report, id, title, blocks);
+  report->mutable_sections(report->sections_size() - 1)->set_narrow(true);
+}
+
+void AddUncertaintySections(const ReportData& data, v1::Report* report) {
+  if (data.plan.has_uncertainty()) {
+    const bool selectable =
+        data.uncertainty.has_value() && !data.uncertainty->feature_targets.empty();
+    AddSection(report, "uncertainty", "The surface becomes known scan by scan",
+               UncertaintyCurveBlocks(data.plan));
+    AddSection(report, "features", "Which tolerances can be proven",
+               FeatureBlocks(data.plan, selectable));
+  }
+  if (data.uncertainty.has_value()) {
+    AddSection(report, "inadmissible", "Why targets are not admissible",
+               InadmissibleBlocks(*data.uncertainty, data.measurable));
+  }
 }
 
 }  // namespace
 
-absl::StatusOr<std::string> RenderReport(const ReportData& data) {
+absl::StatusOr<v1::Report> PlanReport(const ReportData& data) {
   if (absl::Status status = CheckReportData(data); !status.ok()) return status;
-
+  const v1::Plan& plan = data.plan;
   TargetBits uncovered = data.measurable, covered(data.targets.size());
   for (const ReportScan& scan : data.scans) covered |= scan.covered;
   uncovered.Subtract(covered);
-  const int64_t uncovered_count = uncovered.Count();
   std::vector<UncoveredRegion> regions =
       FindUncoveredRegions(data.targets, data.sampling, uncovered);
   const size_t region_count = regions.size();
@@ -140,58 +165,51 @@ absl::StatusOr<std::string> RenderReport(const ReportData& data) {
   const DisplayMesh display =
       MakeDisplayMesh(data.mesh, data.targets, data.sampling.spacing_m, kMaxDisplayTriangles);
 
-  std::string sections;
-  if (data.plan.has_uncertainty()) {
-    const bool selectable =
-        data.uncertainty.has_value() && !data.uncertainty->feature_targets.empty();
-    sections += UncertaintyCurveSection(data.plan) + FeatureSection(data.plan, selectable);
+  v1::Report report;
+  const std::string name = plan.inspection_name().empty() ? data.part_name : plan.inspection_name();
+  report.set_title(absl::StrCat(name, " \u2013 inspection plan"));
+  report.set_kind("plan");
+  report.set_subject("Sightline \u00b7 inspection plan");
+  report.set_heading(name);
+  for (const v1::ReportRun& run : PlanFinding(plan)) *report.add_finding() = run;
+  for (const v1::ReportFact& fact : PlanFigures(data)) *report.add_figures() = fact;
+
+  AddSection(&report, "view", "The part and its scans", {SceneBlock(data, display, regions)});
+  AddUncertaintySections(data, &report);
+  if (plan.has_as_measured()) {
+    auto blocks = AsMeasuredBlocks(plan.as_measured(), plan.scans_size(), plan.has_uncertainty(),
+                                   data.deviations);
+    if (!blocks.ok()) return blocks.status();
+    AddSection(&report, "as-measured", "As measured", *blocks);
   }
-  if (data.uncertainty.has_value())
-    sections += InadmissibleSection(*data.uncertainty, data.measurable);
-  if (data.plan.has_as_measured()) {
-    sections += PlanSection("as-measured", "As measured",
-                            AsMeasuredHtml(data.plan.as_measured(), data.plan.scans_size(),
-                                           data.plan.has_uncertainty(), data.deviations));
+  if (data.pareto.has_value()) {
+    AddSection(&report, "pareto", "Fewer scans or less time", ParetoBlocks(*data.pareto));
   }
-  if (data.pareto.has_value()) sections += ParetoSection(*data.pareto);
-  sections += CurveSection(data.plan) + SetupsSection(data) + ScansSection(data) +
-              QualitySection(data.plan) + (data.robot ? RobotSection(data.plan, *data.robot) : "") +
-              UncoveredSection(data, regions, region_count, uncovered_count);
-  if (const std::string reasons = ReasonsHtml(data); !reasons.empty()) {
-    sections += PlanSection("reasons", "Why places are not measured", reasons);
+  AddSection(&report, "curve", "Coverage grows scan by scan", CurveBlocks(plan));
+  AddSection(&report, "setups", "How the part lies", SetupsOf(data));
+  AddSection(&report, "scans", "Scans", ScansBlocks(data));
+  AddSection(&report, "quality", "How finely each scan measures", QualityBlocks(plan));
+  if (data.robot) AddSection(&report, "robot", "Robot", RobotBlocks(plan, *data.robot));
+  AddSection(&report, "uncovered", "What stays unmeasured",
+             UncoveredBlocks(data, regions, region_count, uncovered.Count()));
+  AddSection(&report, "reasons", "Why places are not measured", ReasonsBlocks(data));
+  AddSection(&report, "measurability", "What can be measured at all", MeasurabilityBlocks(data));
+  if (data.comparison.has_value()) {
+    AddSection(&report, "comparison", "Strategies compared", ComparisonBlocks(*data.comparison));
   }
-  sections += MeasurabilitySection(data);
-  if (data.comparison.has_value()) sections += ComparisonSection(*data.comparison);
-  absl::StrAppend(&sections, "<div class=\"columns\">", CostSection(data.plan), TimingSection(data),
-                  AccuracySection(data), PartSection(data), "</div>\n");
+  AddNarrowSection(&report, "cost", "Cost of executing it", CostBlocks(plan));
+  AddNarrowSection(&report, "timing", "Computing time", TimingBlocks(data));
+  AddNarrowSection(&report, "accuracy", "How sure the numbers are", AccuracyBlocks(data));
+  AddNarrowSection(&report, "part", "Part", PartBlocks(data));
   std::vector<std::string> notes = data.notes;
   if (display.simplified) {
     notes.push_back(absl::StrCat("The interactive view shows a simplified mesh; planning used all ",
                                  GroupedInteger(static_cast<int64_t>(data.mesh.triangles.size())),
                                  " triangles."));
   }
-  if (!notes.empty()) sections += NotesSection(notes);
-  sections += ProvenanceSection(data);
-
-  const std::string name =
-      data.plan.inspection_name().empty() ? data.part_name : data.plan.inspection_name();
-  // Also what is printed in place of the interactive view.
-  const std::string fallback =
-      absl::StrCat("<div class=\"pictures\">",
-                   PictureFigure(data.coverage_png, "Measured by the plan"), "</div>");
-  return FillTemplate(
-      ReportTemplate(),
-      {{"TITLE", EscapeHtml(absl::StrCat(name, " \u2013 inspection plan"))},
-       {"STYLE", absl::StrCat(ReportStyle(), data.pareto ? ChartStyle() : "")},
-       {"HEADING", EscapeHtml(name)},
-       {"FINDING", FindingHtml(data.plan)},
-       {"FIGURES", FiguresHtml(data)},
-       {"FALLBACK", fallback},
-       {"SECTIONS", sections},
-       {"FOOTER", absl::StrCat("Sightline ", EscapeHtml(data.plan.sightline_version()),
-                               ". One file, nothing is loaded from anywhere.")},
-       {"VIEWER_DATA", JsonForScript(ViewerDataJson(data, display, regions))},
-       {"VIEWER_SCRIPT", std::string(ViewerScript())}});
+  AddSection(&report, "notes", "Notes", NotesBlocks(notes));
+  AddSection(&report, "provenance", "How to get this plan again", ProvenanceBlocks(data));
+  return report;
 }
 
 }  // namespace sightline

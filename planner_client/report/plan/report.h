@@ -1,16 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// The report of a plan: one HTML file that needs nothing else, not even a network.
+// The report of a plan as data (report.proto).
 #pragma once
-
-#include <string>
 
 #include "absl/status/statusor.h"
 #include "planner_client/report/plan/sections/report_data.h"
+#include "sightline/v1/report.pb.h"
 
 namespace sightline {
 
-// The page as UTF-8 HTML; the same data give the same bytes. All texts are escaped. Errors of
-// CheckReportData.
-absl::StatusOr<std::string> RenderReport(const ReportData& data);
+// The same data give the same report. INVALID_ARGUMENT as CheckReportData; INTERNAL: a picture of
+// deviations cannot be encoded.
+absl::StatusOr<v1::Report> PlanReport(const ReportData& data);
 
 }  // namespace sightline

@@ -9,18 +9,15 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "planner_client/report/charts/coverage_curve.h"
 #include "planner_client/report/page/html.h"
 #include "planner_client/report/page/number_text.h"
-#include "planner_client/report/page/static_page.h"
+#include "planner_client/report/plan/coverage_chart.h"
 #include "planner_client/report/uncertainty/inadmissible.h"
 
 namespace sightline {
 namespace {
 
 constexpr char kUnknown[] = "\u2013";
-// Bars drawn; of longer plans every second, third, ... scan is shown.
-constexpr int kMostBars = 24;
 
 std::string KnownPercent(double fraction, int decimals = 1) {
   if (!std::isfinite(fraction)) return kUnknown;
@@ -36,9 +33,6 @@ std::string InColumn(double value) {
   return std::abs(value) >= 1000 ? GroupedInteger(std::llround(std::min(value, 1e15)))
                                  : Number(value);
 }
-
-std::string MicrometreColumn(double length_m) { return InColumn(1e6 * length_m); }
-std::string MillimetreColumn(double length_m) { return InColumn(1e3 * length_m); }
 
 bool GoalReached(const v1::PlanUncertainty& uncertainty) {
   return uncertainty.goal() > 0 && uncertainty.admissible_fraction() >= uncertainty.goal() - 1e-12;
@@ -56,55 +50,6 @@ std::vector<double> CumulativeFractions(const v1::Plan& plan, bool relaxed) {
   return fractions;
 }
 
-// Thesis Fig. 6.5: after each scan, one bar on the other, under the points of the curve above.
-std::string BarsSvg(const CoverageCurve& curve) {
-  constexpr double kWidth = 760, kHeight = 190, kLeft = 52, kRight = 24, kTop = 8, kBottom = 42;
-  const int scans = static_cast<int>(curve.coverage.size());
-  const double x_max = CoverageCurveLastScan(curve) + 0.4;
-  const double pitch = (kWidth - kLeft - kRight) / x_max;
-  const int step = (scans + kMostBars - 1) / kMostBars;
-  const auto y = [&](double fraction) {
-    return kHeight - kBottom - (kHeight - kTop - kBottom) * std::clamp(fraction, 0.0, 1.0);
-  };
-  std::string svg = absl::StrFormat(
-      "<svg class=\"curve\" viewBox=\"0 0 %.0f %.0f\" role=\"img\" "
-      "aria-label=\"Admissible and relaxed part of the judged surface after each scan\">\n",
-      kWidth, kHeight);
-  for (int percent = 0; percent <= 100; percent += 50) {
-    absl::StrAppendFormat(
-        &svg,
-        "<line class=\"grid\" x1=\"%.1f\" x2=\"%.1f\" y1=\"%.1f\" y2=\"%.1f\"/>"
-        "<text class=\"tick\" x=\"%.1f\" y=\"%.1f\" text-anchor=\"end\">%d</text>\n",
-        kLeft, kWidth - kRight, y(percent / 100.0), y(percent / 100.0), kLeft - 8,
-        y(percent / 100.0) + 4, percent);
-  }
-  // The last scan is always among those shown.
-  for (int scan = (scans - 1) % step; scan < scans; scan += step) {
-    const double width = std::min(42.0, 0.6 * step * pitch);
-    const double x = kLeft + (scan + 1) * pitch - 0.5 * width;
-    const double low = curve.coverage[scan], high = std::max(low, curve.upper[scan]);
-    absl::StrAppendFormat(
-        &svg,
-        "<g><title>after scan %d: %.2f %% admissible, %.2f %% only relaxed</title>"
-        "<rect class=\"admissible\" x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\"/>"
-        "<rect class=\"relaxed\" x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\"/></g>"
-        "<text class=\"tick\" x=\"%.1f\" y=\"%.1f\" text-anchor=\"middle\">%d</text>\n",
-        scan + 1, 100 * low, 100 * (high - low), x, y(low), width, y(0) - y(low), x, y(high), width,
-        y(low) - y(high), x + 0.5 * width, kHeight - kBottom + 18, scan + 1);
-  }
-  return svg + "</svg>\n";
-}
-
-std::string Key(double relaxed_m, bool fresh) {
-  return absl::StrCat(
-      "<p class=\"soft key-line\"><span><span class=\"key\" "
-      "style=\"background:var(--admissible)\"></span> uncertainty admissible</span> <span><span "
-      "class=\"key\" style=\"background:var(--relaxed)\"></span> not admissible, but at most ",
-      SettingText("relaxed_m", relaxed_m), " (relaxed)</span>",
-      fresh ? " <span>\u25c7 admissible on targets that the search has not seen</span>" : "",
-      "</p>\n");
-}
-
 // "3 of 5 tolerances can be proven; 1 is not evaluated."
 std::string ToleranceCountText(const v1::PlanUncertainty& uncertainty) {
   int proven = 0, evaluated = 0;
@@ -119,19 +64,24 @@ std::string ToleranceCountText(const v1::PlanUncertainty& uncertainty) {
                       ".");
 }
 
-std::string Verdict(const v1::FeatureVerdict& feature) {
-  const char* state = "<span class=\"verdict no\">\u2717 cannot be proven</span>";
-  if (feature.can_be_proven()) state = "<span class=\"verdict yes\">\u2713 can be proven</span>";
-  if (feature.verdict() == v1::FeatureVerdict::NOT_EVALUATED)
-    state = "<span class=\"verdict\">not evaluated</span>";
+v1::ReportCell VerdictCell(const v1::FeatureVerdict& feature) {
+  v1::ReportCell cell = StrongCell("\u2717 cannot be proven");
+  cell.set_state(v1::REPORT_STATE_BAD);
+  if (feature.can_be_proven()) {
+    cell.set_text("\u2713 can be proven");
+    cell.set_state(v1::REPORT_STATE_GOOD);
+  }
+  if (feature.verdict() == v1::FeatureVerdict::NOT_EVALUATED) {
+    cell.set_text("not evaluated");
+    cell.clear_state();
+  }
   // The state is not said twice.
   std::string because = feature.because();
   for (const char* prefix : {"can be proven: ", "cannot be proven: ", "not evaluated: "}) {
     if (because.starts_with(prefix)) because.erase(0, std::char_traits<char>::length(prefix));
   }
-  return absl::StrCat(state, because.empty() ? ""
-                                             : absl::StrCat("<br><span class=\"soft\">",
-                                                            EscapeHtml(because), "</span>"));
+  cell.set_detail(because);
+  return cell;
 }
 
 // Not evaluated, then what cannot be proven, then what can; each by falling excess of u.
@@ -140,17 +90,73 @@ int OrderOfVerdict(const v1::FeatureVerdict& feature) {
   return feature.can_be_proven() ? 2 : 1;
 }
 
-std::string LengthOrUnknown(bool known, double length_m) {
-  return known ? MicrometreColumn(length_m) : kUnknown;
+v1::ReportCell MicrometreCell(bool known, double length_m) {
+  return known ? NumberCell(1e6 * length_m, InColumn(1e6 * length_m)) : TextCell(kUnknown);
 }
 
-std::string ProbabilityOrUnknown(bool known, double probability) {
-  return known ? EscapeHtml(ProbabilityText(probability)) : kUnknown;
+v1::ReportCell ProbabilityCell(bool known, double probability) {
+  return known ? NumberCell(100 * probability, ProbabilityText(probability), "%")
+               : TextCell(kUnknown);
 }
 
-std::string AcceptanceZoneText(const v1::FeatureVerdict& feature) {
-  if (!feature.has_acceptance_zone_m()) return kUnknown;
-  return feature.acceptance_zone_m() > 0 ? MillimetreColumn(feature.acceptance_zone_m()) : "empty";
+v1::ReportCell AcceptanceCell(const v1::FeatureVerdict& feature) {
+  if (!feature.has_acceptance_zone_m()) return TextCell(kUnknown);
+  const double zone_mm = 1e3 * feature.acceptance_zone_m();
+  return NumberCell(zone_mm, zone_mm > 0 ? InColumn(zone_mm) : "empty");
+}
+
+v1::ReportCell FractionCell(int64_t part, int64_t all, int decimals) {
+  if (all <= 0) return TextCell(kUnknown);
+  const double fraction = static_cast<double>(part) / static_cast<double>(all);
+  return NumberCell(100 * fraction, KnownPercent(fraction, decimals), "%");
+}
+
+v1::ReportColumn InGroup(const std::string& group, v1::ReportColumn column) {
+  column.set_group(group);
+  return column;
+}
+
+std::vector<v1::ReportColumn> FeatureColumns() {
+  constexpr char kZone[] = "Zone", kU[] = "Standard uncertainty", kWrong[] = "Wrong decisions",
+                 kTargets[] = "Targets";
+  return {WordsColumn("feature"),
+          WordsColumn("verdict"),
+          InGroup(kZone, NumberColumn("tolerance", "mm")),
+          InGroup(kZone, NumberColumn("acceptance", "mm")),
+          InGroup(kU, NumberColumn("u", "\u00b5m")),
+          InGroup(kU, NumberColumn("noise", "\u00b5m")),
+          InGroup(kU, NumberColumn("sampling", "\u00b5m")),
+          InGroup(kU, NumberColumn("calibration", "\u00b5m")),
+          InGroup(kU, NumberColumn("admissible", "\u00b5m")),
+          InGroup(kWrong, NumberColumn("acceptance")),
+          InGroup(kWrong, NumberColumn("rejection")),
+          InGroup(kTargets, NumberColumn("measured")),
+          InGroup(kTargets, NumberColumn("admissible"))};
+}
+
+ReportCells RowOf(const v1::FeatureVerdict& feature) {
+  const double zone_mm = 1e3 * feature.zone_width_m();
+  v1::ReportCell u = MicrometreCell(feature.has_uncertainty_m(), feature.uncertainty_m());
+  u.set_strong(true);
+  return {
+      StrongCell(feature.name().empty() ? feature.id() : feature.name(),
+                 feature.text().empty() ? feature.kind() : feature.text()),
+      VerdictCell(feature),
+      zone_mm > 0 ? NumberCell(zone_mm, ShortNumber(zone_mm)) : TextCell(kUnknown),
+      AcceptanceCell(feature),
+      u,
+      MicrometreCell(feature.has_noise_m(), feature.noise_m()),
+      MicrometreCell(feature.has_sampling_m(), feature.sampling_m()),
+      MicrometreCell(feature.has_calibration_m(), feature.calibration_m()),
+      MicrometreCell(feature.has_admissible_uncertainty_m(), feature.admissible_uncertainty_m()),
+      ProbabilityCell(feature.has_probability_wrong_acceptance(),
+                      feature.probability_wrong_acceptance()),
+      ProbabilityCell(feature.has_probability_wrong_rejection(),
+                      feature.probability_wrong_rejection()),
+      FractionCell(feature.measured_targets(), feature.targets(), 0),
+      feature.has_admissible_targets()
+          ? FractionCell(feature.admissible_targets(), feature.targets(), 0)
+          : TextCell(kUnknown)};
 }
 
 }  // namespace
@@ -182,71 +188,72 @@ std::string SummariseVerdicts(const v1::PlanUncertainty& uncertainty) {
   return text;
 }
 
-std::string UncertaintyFinding(const v1::Plan& plan, const std::string& why_stopped) {
+std::vector<v1::ReportRun> UncertaintyFinding(const v1::Plan& plan,
+                                              const std::string& why_stopped) {
   const v1::PlanUncertainty& uncertainty = plan.uncertainty();
   const int scans = plan.scans_size();
-  std::string html =
-      absl::StrCat("<strong>", scans, scans == 1 ? " scan makes " : " scans make ",
-                   KnownPercent(uncertainty.admissible_fraction()),
-                   "</strong> of the toleranced surface known well enough to prove its tolerances");
-  if (uncertainty.goal() > 0 && !GoalReached(uncertainty))
-    absl::StrAppend(&html, ", short of the goal of ", Goal(uncertainty.goal()), ": ",
-                    EscapeHtml(why_stopped));
-  html += ".";
+  std::string text = " of the toleranced surface known well enough to prove its tolerances";
+  if (uncertainty.goal() > 0 && !GoalReached(uncertainty)) {
+    absl::StrAppend(&text, ", short of the goal of ", Goal(uncertainty.goal()), ": ", why_stopped);
+  }
+  text += ".";
   if (uncertainty.has_fresh_admissible_fraction()) {
-    absl::StrAppend(&html, " On ", GroupedInteger(uncertainty.fresh_judged_targets()),
+    absl::StrAppend(&text, " On ", GroupedInteger(uncertainty.fresh_judged_targets()),
                     " targets that the search has not seen it is ",
                     KnownPercent(uncertainty.fresh_admissible_fraction()), ".");
   }
   if (uncertainty.features_size() > 0) {
-    absl::StrAppend(&html, " ", ToleranceCountText(uncertainty));
+    absl::StrAppend(&text, " ", ToleranceCountText(uncertainty));
   }
   const v1::ScanCountBound& bound = uncertainty.bound();
   if (bound.scans() > 0 && bound.converged()) {
     // Tolerance of the LP solver: 9.0000000001 still means 9.
     const int fewest = static_cast<int>(std::ceil(bound.scans() - 1e-6));
     absl::StrAppend(
-        &html, " As far as the search for the lower bound (", FixedNumber(bound.scans(), 1),
+        &text, " As far as the search for the lower bound (", FixedNumber(bound.scans(), 1),
         ") found, a plan for ", Goal(uncertainty.goal()), " needs at least ", fewest,
         fewest == 1 ? " scan" : " scans",
         GoalReached(uncertainty) && scans <= fewest ? ": no fewer than this one." : ".");
   } else if (bound.scans() > 0) {
-    absl::StrAppend(&html, " The relaxation stands at ", FixedNumber(bound.scans(), 1),
+    absl::StrAppend(&text, " The relaxation stands at ", FixedNumber(bound.scans(), 1),
                     " scans; it is not proven to be a bound.");
   }
-  return html;
+  return {StrongRun(absl::StrCat(scans, scans == 1 ? " scan makes " : " scans make ",
+                                 KnownPercent(uncertainty.admissible_fraction()))),
+          PlainRun(text)};
 }
 
-std::vector<std::pair<std::string, std::string>> UncertaintyFigures(const v1::Plan& plan) {
+std::vector<v1::ReportFact> UncertaintyFigures(const v1::Plan& plan) {
   const v1::PlanUncertainty& uncertainty = plan.uncertainty();
-  const auto small = [](const std::string& text) {
-    return absl::StrCat(" <small>", text, "</small>");
+  const auto percent = [](const std::string& name, double fraction, const std::string& detail) {
+    return NumberFact(name, 100 * fraction, "%", KnownPercent(fraction), detail);
   };
-  std::vector<std::pair<std::string, std::string>> figures = {
-      {"scans", absl::StrCat(plan.scans_size())},
-      {"admissible",
-       absl::StrCat(KnownPercent(uncertainty.admissible_fraction()),
-                    uncertainty.goal() > 0 ? small("goal " + Goal(uncertainty.goal())) : "")}};
+  std::vector<v1::ReportFact> figures = {
+      CountFact("scans", plan.scans_size()),
+      percent("admissible", uncertainty.admissible_fraction(),
+              uncertainty.goal() > 0 ? "goal " + Goal(uncertainty.goal()) : "")};
   if (uncertainty.has_fresh_admissible_fraction()) {
     figures.push_back(
-        {"admissible, validation targets", KnownPercent(uncertainty.fresh_admissible_fraction())});
+        percent("admissible, validation targets", uncertainty.fresh_admissible_fraction(), ""));
   }
-  figures.push_back(
-      {absl::StrCat("within ", SettingText("relaxed_m", uncertainty.relaxed_uncertainty_m())),
-       absl::StrCat(KnownPercent(uncertainty.relaxed_fraction()),
-                    uncertainty.has_fresh_relaxed_fraction()
-                        ? small("fresh " + KnownPercent(uncertainty.fresh_relaxed_fraction()))
-                        : "")});
-  figures.push_back({"median uncertainty", LengthText(uncertainty.median_uncertainty_m())});
+  figures.push_back(percent(
+      absl::StrCat("within ", SettingText("relaxed_m", uncertainty.relaxed_uncertainty_m())),
+      uncertainty.relaxed_fraction(),
+      uncertainty.has_fresh_relaxed_fraction()
+          ? "fresh " + KnownPercent(uncertainty.fresh_relaxed_fraction())
+          : ""));
+  figures.push_back(NumberFact("median uncertainty", uncertainty.median_uncertainty_m(), "m",
+                               LengthText(uncertainty.median_uncertainty_m())));
   if (uncertainty.bound().scans() > 0) {
-    figures.push_back({uncertainty.bound().converged() ? "lower bound" : "relaxation (not a bound)",
-                       absl::StrCat(FixedNumber(uncertainty.bound().scans(), 1), small("scans"))});
+    figures.push_back(NumberFact(
+        uncertainty.bound().converged() ? "lower bound" : "relaxation (not a bound)",
+        uncertainty.bound().scans(), "", FixedNumber(uncertainty.bound().scans(), 1), "scans"));
   }
-  figures.push_back({"toleranced targets", GroupedInteger(uncertainty.judged_targets())});
+  figures.push_back(CountFact("toleranced targets", uncertainty.judged_targets()));
   return figures;
 }
 
-std::string UncertaintyCurveSection(const v1::Plan& plan) {
+ReportBlocks UncertaintyCurveBlocks(const v1::Plan& plan) {
   const v1::PlanUncertainty& uncertainty = plan.uncertainty();
   CoverageCurve curve;
   curve.coverage = CumulativeFractions(plan, /*relaxed=*/false);
@@ -255,32 +262,33 @@ std::string UncertaintyCurveSection(const v1::Plan& plan) {
   curve.bound_scans = uncertainty.bound().scans();
   curve.bound_converged = uncertainty.bound().converged();
   curve.title = "Part of the judged surface that is admissible, and relaxed, after each scan";
-  curve.axis = "known well enough, % of the judged surface";
-  curve.coverage_name = "admissible";
-  curve.upper_name = "relaxed";
-  if (uncertainty.has_fresh_admissible_fraction())
+  curve.axis = "known well enough, of the judged surface";
+  curve.coverage_name = "uncertainty admissible";
+  curve.upper_name =
+      absl::StrCat("admissible, or at most ",
+                   SettingText("relaxed_m", uncertainty.relaxed_uncertainty_m()), " (relaxed)");
+  if (uncertainty.has_fresh_admissible_fraction()) {
     curve.fresh = uncertainty.fresh_admissible_fraction();
-  std::string body = CoverageCurveSvg(curve);
-  if (plan.scans_size() > 0)
-    absl::StrAppend(&body, BarsSvg(curve),
-                    Key(uncertainty.relaxed_uncertainty_m(), curve.fresh.has_value()));
+  }
+  ReportBlocks blocks = {ChartBlock(CoverageChart(curve))};
   if (!uncertainty.bound().statement().empty()) {
-    absl::StrAppend(&body, "<p class=\"soft\">", EscapeHtml(uncertainty.bound().statement()),
-                    "</p>\n");
+    blocks.push_back(RemarkBlock(uncertainty.bound().statement()));
   }
   if (uncertainty.second_order_points() > 0) {
-    absl::StrAppend(&body, "<p class=\"notice\">At ",
-                    GroupedInteger(uncertainty.second_order_points()), " of ",
-                    GroupedInteger(uncertainty.examined_points()),
-                    " points examined linear propagation is not to be relied on: the second order "
-                    "changes a standard deviation by more than 4\u202f%.</p>\n");
+    v1::ReportNote& note = *blocks.emplace_back().mutable_note();
+    note.set_severity(v1::REPORT_STATE_WARNING);
+    note.set_text(absl::StrCat(
+        "At ", GroupedInteger(uncertainty.second_order_points()), " of ",
+        GroupedInteger(uncertainty.examined_points()),
+        " points examined linear propagation is not to be relied on: the second order changes a "
+        "standard deviation by more than 4\u202f%."));
   }
-  return PageSection("uncertainty", "The surface becomes known scan by scan", body);
+  return blocks;
 }
 
-std::string FeatureSection(const v1::Plan& plan, bool selectable) {
+ReportBlocks FeatureBlocks(const v1::Plan& plan, bool selectable) {
   const auto& features = plan.uncertainty().features();
-  if (features.empty()) return "";
+  if (features.empty()) return {};
   std::vector<int> order(static_cast<size_t>(features.size()));
   std::iota(order.begin(), order.end(), 0);
   const auto excess = [&](int i) {
@@ -293,67 +301,25 @@ std::string FeatureSection(const v1::Plan& plan, bool selectable) {
       return OrderOfVerdict(features[a]) < OrderOfVerdict(features[b]);
     return excess(a) > excess(b);
   });
-  std::string body =
-      "<p class=\"soft\">A tolerance can be proven if the guard bands leave a zone to accept in "
-      "(ISO 14253-1) and a part without deviations is accepted as often as not. u is the standard "
-      "uncertainty of what the tolerance is "
-      "about; its parts add up as squares. Probabilities of deciding wrongly are those of a part "
-      "taken from production (JCGM 106). What is not evaluated has no figures: "
-      "its reason says what is missing.";
-  if (selectable) body += " Select a row to see the feature in the part above.";
-  absl::StrAppend(
-      &body, "</p>\n", ScrollingTable("Toleranced features", "id=\"feature-table\""),
-      "\n<thead>\n<tr class=\"groups\">"
-      "<td></td><td></td><th scope=\"colgroup\" colspan=\"2\">Zone, mm</th>"
-      "<th scope=\"colgroup\" colspan=\"5\">Standard uncertainty, \u00b5m</th>"
-      "<th scope=\"colgroup\" colspan=\"2\">Wrong decisions</th><th scope=\"colgroup\" "
-      "colspan=\"2\">Targets</th></tr>\n<tr>"
-      "<th scope=\"col\" class=\"words\">feature</th><th scope=\"col\" class=\"words\">verdict</th>"
-      "<th scope=\"col\" class=\"first\">tolerance</th><th scope=\"col\">acceptance</th>"
-      "<th scope=\"col\" class=\"first\">u</th><th scope=\"col\">noise</th>"
-      "<th scope=\"col\">sampling</th><th scope=\"col\">calibration</th>"
-      "<th scope=\"col\">admissible</th>"
-      "<th scope=\"col\" class=\"first\">acceptance</th><th scope=\"col\">rejection</th>"
-      "<th scope=\"col\" class=\"first\">measured</th><th scope=\"col\">admissible</th>"
-      "</tr>\n</thead>\n<tbody>\n");
-  const auto share = [](int64_t part, int64_t all) {
-    return all > 0 ? KnownPercent(static_cast<double>(part) / static_cast<double>(all), 0)
-                   : std::string(kUnknown);
-  };
-  for (const int i : order) {
-    const v1::FeatureVerdict& feature = features[i];
-    const std::string name = feature.name().empty() ? feature.id() : feature.name();
-    absl::StrAppend(
-        &body,
-        selectable ? absl::StrCat("<tr class=\"selectable\" data-feature=\"", i, "\">") : "<tr>",
-        "<td class=\"words\"><strong>", EscapeHtml(name), "</strong><br><span class=\"soft\">",
-        EscapeHtml(feature.text().empty() ? feature.kind() : feature.text()),
-        "</span></td><td class=\"words verdict-cell\">", Verdict(feature),
-        "</td><td class=\"first\">",
-        feature.zone_width_m() > 0 ? ShortNumber(1e3 * feature.zone_width_m()) : kUnknown,
-        "</td><td>", AcceptanceZoneText(feature), "</td><td class=\"first strong\">",
-        LengthOrUnknown(feature.has_uncertainty_m(), feature.uncertainty_m()), "</td><td>",
-        LengthOrUnknown(feature.has_noise_m(), feature.noise_m()), "</td><td>",
-        LengthOrUnknown(feature.has_sampling_m(), feature.sampling_m()), "</td><td>",
-        LengthOrUnknown(feature.has_calibration_m(), feature.calibration_m()), "</td><td>",
-        LengthOrUnknown(feature.has_admissible_uncertainty_m(), feature.admissible_uncertainty_m()),
-        "</td><td class=\"first\">",
-        ProbabilityOrUnknown(feature.has_probability_wrong_acceptance(),
-                             feature.probability_wrong_acceptance()),
-        "</td><td>",
-        ProbabilityOrUnknown(feature.has_probability_wrong_rejection(),
-                             feature.probability_wrong_rejection()),
-        "</td><td class=\"first\">", share(feature.measured_targets(), feature.targets()),
-        "</td><td>",
-        feature.has_admissible_targets() ? share(feature.admissible_targets(), feature.targets())
-                                         : kUnknown,
-        "</td></tr>\n");
+  std::vector<ReportCells> rows;
+  for (const int i : order) rows.push_back(RowOf(features[i]));
+  v1::ReportBlock table = TableBlock("Toleranced features", FeatureColumns(), rows);
+  for (int row = 0; selectable && row < table.table().rows_size(); ++row) {
+    table.mutable_table()->mutable_rows(row)->mutable_view()->set_feature(
+        order[static_cast<size_t>(row)]);
   }
-  return PageSection("features", "Which tolerances can be proven",
-                     body + "</tbody></table></div>\n");
+  return {
+      RemarkBlock(absl::StrCat(
+          "A tolerance can be proven if the guard bands leave a zone to accept in (ISO 14253-1) and "
+          "a part without deviations is accepted as often as not. u is the standard uncertainty of "
+          "what the tolerance is about; its parts add up as squares. Probabilities of deciding "
+          "wrongly are those of a part taken from production (JCGM 106). What is not evaluated has "
+          "no figures: its reason says what is missing.",
+          selectable ? " Select a row to see the feature in the part above." : "")),
+      table};
 }
 
-std::string InadmissibleSection(const TargetUncertainties& uncertainties,
+ReportBlocks InadmissibleBlocks(const TargetUncertainties& uncertainties,
                                 const TargetBits& measurable) {
   int64_t judged = 0, inadmissible = 0;
   std::map<v1::UncertaintyLimit, int64_t> relaxed;
@@ -367,32 +333,28 @@ std::string InadmissibleSection(const TargetUncertainties& uncertainties,
       ++relaxed[uncertainties.limits[i]];
     }
   }
-  if (judged == 0) {
-    return PageSection("inadmissible", "Why targets are not admissible",
-                       "<p>No tolerance binds a measurable target.</p>\n");
-  }
-  if (inadmissible == 0) {
-    return PageSection("inadmissible", "Why targets are not admissible",
-                       "<p>None: every toleranced target is admissible.</p>\n");
-  }
-  std::string body = absl::StrCat(
-      "<p class=\"soft\">", GroupedInteger(inadmissible), " of ", GroupedInteger(judged),
-      " toleranced targets, by the largest part of their uncertainty after "
-      "all scans; of noise, by what "
-      "differs most from the places that are known well enough.</p>\n");
-  std::vector<std::vector<std::string>> rows;
+  if (judged == 0) return {TextBlock("No tolerance binds a measurable target.")};
+  if (inadmissible == 0) return {TextBlock("None: every toleranced target is admissible.")};
+  std::vector<ReportCells> rows;
   for (const v1::InadmissibleCount& count : CountInadmissible(uncertainties)) {
     const int64_t only_relaxed = relaxed[count.limit()];
-    rows.push_back(
-        {LimitWords(count.limit()), GroupedInteger(count.targets()),
-         KnownPercent(static_cast<double>(count.targets()) / static_cast<double>(judged)),
-         GroupedInteger(only_relaxed), GroupedInteger(count.targets() - only_relaxed),
-         FixedNumber(count.median_uncertainty_over_admissible(), 2), WhatHelps(count.limit())});
+    const double excess = count.median_uncertainty_over_admissible();
+    rows.push_back({TextCell(LimitWords(count.limit())), CountCell(count.targets()),
+                    FractionCell(count.targets(), judged, 1), CountCell(only_relaxed),
+                    CountCell(count.targets() - only_relaxed),
+                    NumberCell(excess, FixedNumber(excess, 2)),
+                    TextCell(WhatHelps(count.limit()))});
   }
-  body += PageTable({"what limits it", "targets", "of the judged", "only relaxed", "not reached",
-                     "u over admissible", "what helps"},
-                    rows, {0, 6});
-  return PageSection("inadmissible", "Why targets are not admissible", body);
+  return {RemarkBlock(absl::StrCat(
+              GroupedInteger(inadmissible), " of ", GroupedInteger(judged),
+              " toleranced targets, by the largest part of their uncertainty after all scans; of "
+              "noise, by what differs most from the places that are known well enough.")),
+          TableBlock("Why targets are not admissible",
+                     {WordsColumn("what limits it"), NumberColumn("targets"),
+                      NumberColumn("of the judged"), NumberColumn("only relaxed"),
+                      NumberColumn("not reached"), NumberColumn("u over admissible"),
+                      WordsColumn("what helps")},
+                     rows)};
 }
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads the numbers that viewer_data.cpp wrote.
+// Unpacks the scene of a report (report_scene.proto).
 
 function bytes(text) {
   const binary = atob(text);
@@ -8,78 +8,114 @@ function bytes(text) {
   return result;
 }
 
-const array = (Type, text) => new Type(bytes(text).buffer);
+/** Bytes compressed by zlib, in base64. */
+async function unpackBytes(text) {
+  if (!text) return new Uint8Array(0);
+  const stream = new Blob([bytes(text)]).stream().pipeThrough(new DecompressionStream('deflate'));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+/** Differences to the number `stride` places before; lowest bytes of all, then the next ones. */
+async function unpack(Type, text, stride = 1) {
+  const raw = await unpackBytes(text);
+  const size = Type.BYTES_PER_ELEMENT, count = raw.length / size;
+  if (!Number.isInteger(count)) throw new Error(`${raw.length} bytes are no list of numbers of ${size} bytes`);
+  const result = new Type(count);
+  for (let i = 0; i < count; ++i) {
+    let difference = 0;
+    for (let byte = 0; byte < size; ++byte) difference |= raw[byte * count + i] << (8 * byte);
+    result[i] = difference + (i < stride ? 0 : result[i - stride]);
+  }
+  return result;
+}
+
+const floats = async (text) => new Float32Array((await unpackBytes(text)).buffer);
 
 /** Bit i of a little-endian bit set. */
 export const hasBit = (bits, i) => (bits[i >> 3] >> (i & 7)) & 1;
 
-export function readViewerData(json) {
-  const raw = JSON.parse(json);
-  const metres = (text) => {
-    const steps = array(Uint16Array, text);
-    const result = new Float32Array(steps.length);
-    for (let i = 0; i < steps.length; ++i) {
-      result[i] = raw.origin_m[i % 3] + steps[i] * raw.quantum_m;
-    }
-    return result;
+/** Groups of 16 numbers. */
+const matrices = (numbers = []) =>
+  Array.from({length: numbers.length / 16}, (_, i) => numbers.slice(16 * i, 16 * i + 16));
+
+async function solids(list = []) {
+  return Promise.all(list.map(async (solid) => ({
+    centre: solid.centre_m ?? [0, 0, 0], size: solid.size_m, radius: solid.radius_m, length: solid.length_m,
+    triangles: solid.triangles ? await floats(solid.triangles) : undefined,
+  })));
+}
+
+async function place(raw) {
+  return {...raw, targets: new Set(await unpack(Uint32Array, raw.targets))};
+}
+
+async function lengths(raw) {
+  if (!raw?.codes) return null;
+  const ratio = Math.log(raw.highest_m / raw.lowest_m) / 65534;
+  return Float64Array.from(await unpack(Uint16Array, raw.codes),
+      (code) => (code === 0 ? 0 : raw.lowest_m * Math.exp(ratio * (code - 1))));
+}
+
+async function readUncertainty(raw) {
+  const [total, noise, sampling, calibration, admissible] = await Promise.all(
+      [raw.total, raw.noise, raw.sampling, raw.calibration, raw.admissible].map(lengths));
+  return {
+    total, noise, sampling, calibration, admissible,
+    relaxed: raw.relaxed_m ?? 0,
+    classes: await unpack(Uint8Array, raw.classes),
+    sensitivities: await Promise.all((raw.sensitivities ?? []).map(async (map) => (
+      map.detection ? {detection: await lengths(map.detection), calibration: await lengths(map.calibration)} : null))),
+    features: await Promise.all((raw.features ?? []).map(async (feature) => (feature.targets ? place(feature) : null))),
+  };
+}
+
+async function readMesh(raw, metres) {
+  const [positions, normals, triangles, nearestTarget, edges] = await Promise.all([
+    metres(raw.positions), unpack(Int8Array, raw.normals, 3), unpack(Uint32Array, raw.triangles, 3),
+    unpack(Uint32Array, raw.nearest_target), metres(raw.edges),
+  ]);
+  return {positions, normals, triangles, nearestTarget, edges};
+}
+
+/** The scene with its lists as typed arrays, lengths in metres. */
+export async function readScene(raw) {
+  const metres = async (text) => {
+    const steps = await unpack(Uint16Array, text, 3);
+    return Float32Array.from(steps, (step, i) => raw.origin_m[i % 3] + step * raw.quantum_m);
   };
   return {
     partMin: raw.part_min_m,
     partMax: raw.part_max_m,
-    mesh: {
-      positions: metres(raw.mesh.positions),
-      normals: array(Int16Array, raw.mesh.normals),
-      triangles: array(Uint32Array, raw.mesh.triangles),
-      nearestTarget: array(Uint32Array, raw.mesh.nearest_target),
-      edges: metres(raw.mesh.edges),
-    },
+    mesh: await readMesh(raw.mesh, metres),
     targets: {
       count: raw.targets.count,
       spacing: raw.targets.spacing_m,
-      positions: metres(raw.targets.positions),
-      measurable: bytes(raw.targets.measurable),
+      positions: await metres(raw.targets.positions),
+      measurable: await unpackBytes(raw.targets.measurable),
     },
-    rig: raw.rig,
-    robot: (raw.robot ?? []).map((solid) => (
-      solid.triangles ? {triangles: array(Float32Array, solid.triangles)} : solid)),
-    scans: raw.scans.map((scan) => ({...scan, covered: bytes(scan.covered)})),
-    regions: raw.regions.map(withTargets),
-    uncertainty: raw.uncertainty ? readUncertainty(raw.uncertainty) : null,
-    reasons: raw.reasons ? {kinds: raw.reasons.kinds, ofTarget: bytes(raw.reasons.of_target)} : null,
-    obstacles: raw.obstacles.map((obstacle) => ({
-      ...obstacle,
-      positions: array(Float32Array, obstacle.positions),
-      triangles: array(Uint32Array, obstacle.triangles),
-    })),
-    regionsOfInterest: raw.regions_of_interest,
-    depthPerPixel: raw.depth_per_pixel ? lengths(raw.depth_per_pixel, raw.depth_per_pixel.codes) : null,
-  };
-}
-
-const withTargets = (region) => (region && {...region, targets: new Set(array(Uint32Array, region.targets))});
-
-/** Lengths in metres from their codes: steps of equal ratio; 0 stays 0. */
-function lengths({lowest_m: lowest, highest_m: highest}, text) {
-  const ratio = Math.log(highest / lowest) / 65534;
-  return Float64Array.from(array(Uint16Array, text),
-      (code) => (code === 0 ? 0 : lowest * Math.exp(ratio * (code - 1))));
-}
-
-function readUncertainty(raw) {
-  const metres = (text) => lengths(raw, text);
-  return {
-    total: metres(raw.total),
-    noise: metres(raw.noise),
-    sampling: metres(raw.sampling),
-    calibration: metres(raw.calibration),
-    admissible: metres(raw.admissible),
-    relaxed: raw.relaxed_m,
-    classes: bytes(raw.classes),
-    sensitivities: raw.sensitivities.map((map) => map && {
-      detection: metres(map.detection),
-      calibration: map.calibration ? metres(map.calibration) : null,
-    }),
-    features: raw.features.map(withTargets),
+    rig: {...raw.rig, camera_bodies: await solids(raw.rig.camera_bodies), laser_bodies: await solids(raw.rig.laser_bodies)},
+    robot: await solids(raw.robot),
+    scans: await Promise.all((raw.scans ?? []).map(async (scan) => ({
+      ...scan,
+      stage_start_m: scan.stage_start_m ?? 0,
+      stage_end_m: scan.stage_end_m ?? 0,
+      covered: await unpackBytes(scan.covered),
+      robot: scan.robot_start ? {start: matrices(scan.robot_start), end: matrices(scan.robot_end)} : null,
+    }))),
+    regions: await Promise.all((raw.unmeasured_regions ?? []).map(place)),
+    uncertainty: raw.uncertainty ? await readUncertainty(raw.uncertainty) : null,
+    reasons: raw.reasons ?
+      {kinds: raw.reasons.kinds ?? [], ofTarget: await unpack(Uint8Array, raw.reasons.of_target)} : null,
+    obstacles: await Promise.all((raw.obstacles ?? []).map(async (obstacle) => ({
+      name: obstacle.name ?? '',
+      turns: obstacle.turns_with_part ?? false,
+      stands_still: obstacle.stands_still ?? false,
+      poses: matrices(obstacle.poses),
+      positions: await floats(obstacle.positions),
+      triangles: await unpack(Uint32Array, obstacle.triangles, 3),
+    }))),
+    regionsOfInterest: raw.regions_of_interest ?? [],
+    depthPerPixel: await lengths(raw.depth_per_pixel),
   };
 }
 

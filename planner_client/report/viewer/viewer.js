@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The report page: controls of the 3-D view, tables that steer it, pictures that enlarge.
+// Controls of the view in three dimensions, and tables and charts that steer it.
 import {Color, Vector3} from 'three';
-import {dominatingParts, firstScans, hasBit, readViewerData} from './data.js';
+import {dominatingParts, firstScans, hasBit, readScene} from './data.js';
 import {COVERED, LATER, NEVER, NEW, PartScene, UNMEASURABLE} from './scene.js';
 import {CLASS_STATES, lengthText, LogScale, PART_STATES, SCALE_STATES} from './uncertainty.js';
 
@@ -9,22 +9,6 @@ const $ = (selector) => document.querySelector(selector);
 const all = (selector) => [...document.querySelectorAll(selector)];
 const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const grouped = (n) => String(n).replace(/\B(?=(\d{3})+$)/g, '\u202f');
-
-function enlargePictures() {
-  const dialog = $('#picture');
-  for (const image of all('img.thumb, figure img')) {
-    image.addEventListener('click', (event) => {
-      event.stopPropagation();
-      dialog.querySelector('img').src = image.src;
-      dialog.querySelector('img').alt = image.alt;
-      dialog.querySelector('p').textContent = image.alt;
-      dialog.showModal();
-    });
-  }
-  dialog.addEventListener('click', (event) => {
-    if (event.target === dialog) dialog.close();
-  });
-}
 
 const STATES = [
   [COVERED, '--covered', 'measured'],
@@ -41,6 +25,8 @@ const STATES_OF = {class: CLASS_STATES, dominant: PART_STATES, u: SCALE_STATES, 
 // Well apart for neighbours in number: the hue turns by the golden angle.
 const scanColour = (number) => new Color().setStyle(
     `hsl(${Math.round(190 + 137.508 * (number - 1)) % 360}, 52%, ${number % 2 ? 54 : 64}%)`, '');
+
+const STEERING = 'tr[data-scan], tr[data-region], tr[data-feature], circle[data-scan]';
 
 class Viewer {
   constructor(scene, data) {
@@ -109,40 +95,34 @@ class Viewer {
         this.recolour();
       });
     }
-    for (const row of all('tr[data-scan], circle[data-scan]')) {
-      row.addEventListener('click', () => {
-        this.clearRegion();
-        this.selectScan(Number(row.dataset.scan));
-        this.useRig();
-        this.scene.view('scan');
-        if (row.tagName === 'TR') this.reveal();
-      });
-    }
-    for (const row of all('tr[data-region]')) {
-      row.addEventListener('click', () => {
-        this.focusRegion(Number(row.dataset.region));
-        this.reveal();
-      });
-    }
-    for (const row of all('tr[data-feature]')) {
-      row.addEventListener('click', () => {
-        this.focusFeature(Number(row.dataset.feature));
-        this.reveal();
-      });
-    }
-    // Keys reach and press everything that can be clicked.
-    for (const row of all('tr.selectable, circle[data-scan]')) {
-      row.tabIndex = 0;
-      row.addEventListener('keydown', (event) => {
-        if (event.key !== 'Enter' && event.key !== ' ') return;
-        event.preventDefault();
-        row.dispatchEvent(new MouseEvent('click', {bubbles: true}));
-      });
-    }
+    // Rows and dots of the whole page steer the view, also those that are drawn later.
+    document.addEventListener('click', (event) => {
+      const chosen = event.target.closest?.(STEERING);
+      if (chosen && !event.target.closest('a, button')) this.choose(chosen);
+    });
+    document.addEventListener('keydown', (event) => {
+      if ((event.key !== 'Enter' && event.key !== ' ') || !event.target.matches?.(STEERING)) return;
+      event.preventDefault();
+      this.choose(event.target);
+    });
     matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => {
       this.applyPalette();
       this.recolour();
     });
+  }
+
+  /** Shows what a row of a table or a dot of a chart is about. */
+  choose(chosen) {
+    const {scan, region, feature} = chosen.dataset;
+    if (region !== undefined) this.focusRegion(Number(region));
+    else if (feature !== undefined) this.focusFeature(Number(feature));
+    else {
+      this.clearRegion();
+      this.selectScan(Number(scan));
+      this.useRig();
+      this.scene.view('scan');
+    }
+    if (chosen.matches('tr')) this.reveal();
   }
 
   reveal() {
@@ -208,7 +188,7 @@ class Viewer {
       if (obstacle.drawable) add(obstacle.data.name, obstacle.group, true);
       else obstacle.group.visible = false;
     });
-    this.data.regionsOfInterest.forEach((region, i) => add(`region ${region.name}`, this.scene.regionBoxes[i], false));
+    this.data.regionsOfInterest.forEach((region, i) => add(`region ${region.name ?? ''}`, this.scene.regionBoxes[i], false));
   }
 
   setColour(colour) {
@@ -366,9 +346,9 @@ class Viewer {
     const legend = $('#legend');
     legend.replaceChildren();
     let uncovered = 0;
-    kinds.forEach(({reason, words, targets}, i) => {
+    kinds.forEach(({reason, text, targets = 0}, i) => {
       uncovered += targets;
-      legend.append(this.legendLine(`var(--reason-${reason})`, words, targets, this.shownReasons[i], (shown) => {
+      legend.append(this.legendLine(`var(--reason-${reason})`, text, targets, this.shownReasons[i], (shown) => {
         this.shownReasons[i] = shown;
       }));
     });
@@ -561,23 +541,35 @@ class Viewer {
 
 const hasWebGl = () => Boolean(document.createElement('canvas').getContext('webgl2'));
 
-function start() {
-  const notice = $('#fallback-notice');
-  if (!hasWebGl()) {
-    notice.textContent = 'The interactive view needs WebGL, which is not available here.';
-    return;
-  }
-  try {
-    $('#viewer').hidden = false;
-    const data = readViewerData($('#viewer-data').textContent);
-    new Viewer(new PartScene($('#canvas'), data), data);
-    $('#fallback').hidden = true;
-  } catch (error) {
-    $('#viewer').hidden = true;
-    notice.textContent = 'The interactive view could not start: ' + error.message;
-    console.error(error);
+/** Rows that steer the view do nothing without it. */
+function showFallback(reason) {
+  $('#viewer').hidden = true;
+  $('#fallback').hidden = false;
+  $('#fallback-notice').textContent = reason;
+  for (const row of all('tr.selectable')) {
+    row.classList.remove('selectable');
+    row.removeAttribute('tabindex');
   }
 }
 
-enlargePictures();
-start();
+/** Shows the scene of a report in the copy of scene.html that stands in the page. */
+async function showScene(raw) {
+  if (raw.picture_png) {
+    $('#fallback-picture').src = `data:image/png;base64,${raw.picture_png}`;
+    $('#fallback-picture').hidden = false;
+  }
+  if (!hasWebGl()) {
+    showFallback('The interactive view needs WebGL, which is not available here.');
+    return;
+  }
+  try {
+    const data = await readScene(raw);
+    $('#viewer').hidden = false;
+    new Viewer(new PartScene($('#canvas'), data), data);
+    $('#fallback').hidden = true;
+  } catch (error) {
+    showFallback(`The interactive view could not start: ${error.message}`);
+  }
+}
+
+globalThis.sightlineShowScene = showScene;

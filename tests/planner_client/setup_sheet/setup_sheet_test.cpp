@@ -7,10 +7,11 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/json/strict_json.h"
 #include "planner_client/setup_sheet/direction_words.h"
 #include "planner_client/setup_sheet/scene_drawing.h"
 #include "tests/planner_client/exports/sample_plan.h"
-#include "tests/planner_client/report/well_formed.h"
+#include "tests/planner_client/report/report_reading.h"
 
 namespace sightline {
 namespace {
@@ -73,24 +74,29 @@ SetUpSheet Sample() {
   return sheet;
 }
 
-std::string HtmlOf(const SetUpSheet& sheet) {
-  const auto html = SetUpSheetHtml(sheet);
-  EXPECT_TRUE(html.ok()) << html.status();
-  return html.ok() ? *html : "";
+v1::Report Made(const SetUpSheet& sheet) {
+  const auto report = SetUpReport(sheet);
+  EXPECT_TRUE(report.ok()) << report.status();
+  if (!report.ok()) return {};
+  EXPECT_EQ(ReportFault(*report), "");
+  return *report;
 }
+
+std::string TextOfSheet(const SetUpSheet& sheet) { return TextOf(Made(sheet)); }
 
 TEST(SetUpSheet, HasAPageForEveryScan) {
   SetUpSheet sheet = Sample();
   sheet.pictures_png[0] = "\x89PNG";
-  const std::string html = HtmlOf(sheet);
-  EXPECT_EQ(MarkupFault(html), "");
-  EXPECT_THAT(html, AllOf(HasSubstr("Scan 1 of 3"), HasSubstr("Scan 3 of 3"),
-                          HasSubstr("bracket &amp; co.stl"), HasSubstr("&lt;station&gt;"),
-                          HasSubstr("data:image/png;base64,"), Not(HasSubstr("<station>"))));
-  EXPECT_EQ(html, HtmlOf(sheet));
+  const v1::Report report = Made(sheet);
+  EXPECT_THAT(TextOf(report), AllOf(HasSubstr("Scan 1 of 3"), HasSubstr("Scan 3 of 3"),
+                                    HasSubstr("bracket & co.stl"), HasSubstr("<station>")));
+  int pages = 0;
+  for (const v1::ReportSection& section : report.sections()) pages += section.new_page();
+  EXPECT_EQ(pages, 3);
+  EXPECT_EQ(PicturesOf(report).size(), 1U);
+  EXPECT_EQ(ToJson(report), ToJson(Made(sheet)));
 }
 
-// The first scan: camera straight above at 400 mm; the part is not turned, its centre at offset z.
 TEST(SetUpSheet, HasAPageForEverySetUp) {
   SetUpSheet sheet = Sample();
   for (int s = 0; s < 2; ++s) {
@@ -102,14 +108,15 @@ TEST(SetUpSheet, HasAPageForEverySetUp) {
   sheet.plan.mutable_setups(0)->add_scans(sheet.plan.scans(0).index());
   sheet.plan.mutable_setups(0)->add_scans(sheet.plan.scans(1).index());
   sheet.plan.mutable_setups(1)->add_scans(sheet.plan.scans(2).index());
-  const std::string html = HtmlOf(sheet);
-  EXPECT_EQ(MarkupFault(html), "");
-  EXPECT_THAT(html, AllOf(HasSubstr("Set-up 1 of 2"), HasSubstr("Set-up 2 of 2"),
-                          HasSubstr("Put camera and laser in <strong>place 1"),
-                          HasSubstr("Leave camera and laser where they are"),
-                          HasSubstr("4 min 00 s"), Not(HasSubstr("Scan 1 of 3"))));
+  const v1::Report report = Made(sheet);
+  EXPECT_THAT(TextOf(report), AllOf(HasSubstr("Set-up 1 of 2"), HasSubstr("Set-up 2 of 2"),
+                                    HasSubstr("Put camera and laser in "), HasSubstr("place 1"),
+                                    HasSubstr("Leave camera and laser where they are"),
+                                    HasSubstr("4 min 00 s"), Not(HasSubstr("Scan 1 of 3"))));
+  EXPECT_TRUE(SectionOf(report, "setup-2").sections(0).new_page());
   sheet.plan.mutable_setups(1)->add_scans(17);
-  EXPECT_THAT(SetUpSheetHtml(sheet).status().message(), HasSubstr("a set-up names no scan"));
+  EXPECT_THAT(std::string(SetUpReport(sheet).status().message()),
+              HasSubstr("a set-up names no scan"));
 }
 
 TEST(SetUpSheet, ShowsNoTimesWithUnitCosts) {
@@ -117,30 +124,29 @@ TEST(SetUpSheet, ShowsNoTimesWithUnitCosts) {
   v1::Setup& setup = *sheet.plan.add_setups();
   for (const v1::PlannedScan& scan : sheet.plan.scans()) setup.add_scans(scan.index());
   setup.mutable_time_s()->set_total(240);
-  EXPECT_THAT(HtmlOf(sheet), AllOf(HasSubstr("4 min 00 s"), HasSubstr(">time<br>s</th>")));
+  EXPECT_THAT(TextOfSheet(sheet), HasSubstr("4 min 00 s"));
   sheet.plan.mutable_cost()->set_unit_costs(true);
-  const std::string html = HtmlOf(sheet);
-  EXPECT_EQ(MarkupFault(html), "");
-  EXPECT_THAT(html, AllOf(HasSubstr("Set-up 1 of 1"), Not(HasSubstr("4 min 00 s")),
-                          Not(HasSubstr("time<br>")), Not(HasSubstr("0.0 s"))));
+  EXPECT_THAT(TextOfSheet(sheet), AllOf(HasSubstr("Set-up 1 of 1"), Not(HasSubstr("4 min 00 s")),
+                                        Not(HasSubstr("0.0 s"))));
 }
 
+// The first scan: camera straight above at 400 mm; the part is not turned, its centre at offset z.
 TEST(SetUpSheet, SaysWhereThingsStand) {
   SetUpSheet sheet = Sample();
   sheet.plan.mutable_scans()->DeleteSubrange(1, 2);
   sheet.pictures_png.resize(1);
-  const std::string html = HtmlOf(sheet);
-  EXPECT_THAT(html, AllOf(HasSubstr("straight above"), HasSubstr("0.0 / 0.0 / 400.0 mm"),
-                          HasSubstr("0.0000 / 0.0000 / \u22121.0000"),
-                          HasSubstr("<strong>0.0 / 0.0 / 20.0</strong> mm")));
+  const std::string text = TextOfSheet(sheet);
+  EXPECT_THAT(text,
+              AllOf(HasSubstr("straight above"), HasSubstr("0.0 / 0.0 / 400.0 mm"),
+                    HasSubstr("0.0000 / 0.0000 / \u22121.0000"), HasSubstr("0.0 / 0.0 / 20.0")));
   // The laser 0.5 rad beside it, 550 mm away, towards -x.
-  EXPECT_THAT(html, HasSubstr("29\u00b0 from vertical, towards \u2212x"));
-  EXPECT_THAT(html, HasSubstr("\u2212263.7 / 0.0 / 482.7 mm"));
-  EXPECT_THAT(html, AllOf(HasSubstr("\u221255.5 mm"), HasSubstr("47.5 mm"), HasSubstr(">207<"),
+  EXPECT_THAT(text, AllOf(HasSubstr("29\u00b0 from vertical, towards \u2212x"),
+                          HasSubstr("\u2212263.7 / 0.0 / 482.7 mm")));
+  EXPECT_THAT(text, AllOf(HasSubstr("\u221255.5 mm"), HasSubstr("47.5 mm"), HasSubstr("207"),
                           HasSubstr("0.5 mm")));
   // Lowest and highest point of the box.
-  EXPECT_THAT(html, HasSubstr("0.0 / 40.0 mm"));
-  EXPECT_THAT(html, AllOf(Not(HasSubstr("f-number")), Not(HasSubstr("Upper face of the table"))));
+  EXPECT_THAT(text, HasSubstr("0.0 / 40.0 mm"));
+  EXPECT_THAT(text, AllOf(Not(HasSubstr("f-number")), Not(HasSubstr("Upper face of the table"))));
 }
 
 TEST(SetUpSheet, ShowsFacesSettingsQualityAndRemarksWhereThePlanHasThem) {
@@ -158,32 +164,52 @@ TEST(SetUpSheet, ShowsFacesSettingsQualityAndRemarksWhereThePlanHasThem) {
   scan.mutable_setting()->set_exposure_time_s(0.0021);
   scan.mutable_quality()->mutable_depth_per_pixel_m()->set_median(0.000345);
   scan.mutable_robot()->set_because("joint 3 would be at 4.1 rad");
-  const std::string html = HtmlOf(sheet);
-  EXPECT_EQ(MarkupFault(html), "");
   EXPECT_THAT(
-      html,
+      TextOfSheet(sheet),
       AllOf(HasSubstr("part lies on face A"), HasSubstr("31.4\u00b0"), HasSubstr("\u221212.3 mm"),
-            HasSubstr("kept as given"), HasSubstr("85 \u00b0 &gt; 80 \u00b0"), HasSubstr("5.6"),
+            HasSubstr("kept as given"), HasSubstr("85 \u00b0 > 80 \u00b0"), HasSubstr("5.6"),
             HasSubstr("2.10 ms"), HasSubstr("0.345 ("), HasSubstr("joint 3 would be at 4.1 rad")));
+}
+
+TEST(SetUpSheet, DrawingsStayInsideOfTheirFrames) {
+  int drawings = 0;
+  const v1::Report report = Made(Sample());
+  for (const v1::ReportSection& section : report.sections()) {
+    for (const v1::ReportBlock& block : section.blocks()) {
+      for (const v1::ReportBlock& inner : block.group().blocks()) {
+        if (!inner.has_drawing()) continue;
+        ++drawings;
+        const v1::ReportDrawing& drawing = inner.drawing();
+        for (const v1::DrawnShape& shape : drawing.shapes()) {
+          ASSERT_EQ(shape.x_size(), shape.y_size());
+          for (int i = 0; i < shape.x_size(); ++i) {
+            EXPECT_TRUE(shape.x(i) >= 0 && shape.x(i) <= drawing.width()) << shape.x(i);
+            EXPECT_TRUE(shape.y(i) >= 0 && shape.y(i) <= drawing.height()) << shape.y(i);
+          }
+        }
+      }
+    }
+  }
+  EXPECT_EQ(drawings, 6);
 }
 
 TEST(SetUpSheet, RefusesWhatDoesNotFit) {
   SetUpSheet sheet = Sample();
   sheet.pictures_png.pop_back();
-  EXPECT_THAT(std::string(SetUpSheetHtml(sheet).status().message()),
+  EXPECT_THAT(std::string(SetUpReport(sheet).status().message()),
               HasSubstr("2 pictures for 3 scans"));
   sheet = Sample();
   sheet.plan.mutable_scans(0)->set_resting_face(2);
-  EXPECT_THAT(std::string(SetUpSheetHtml(sheet).status().message()),
+  EXPECT_THAT(std::string(SetUpReport(sheet).status().message()),
               HasSubstr("scan 1: resting_face is 2, the plan has 0 faces"));
   sheet = Sample();
   sheet.mesh.positions_m.clear();
-  EXPECT_FALSE(SetUpSheetHtml(sheet).ok());
+  EXPECT_FALSE(SetUpReport(sheet).ok());
   // No scans is a sheet of one page.
   sheet = Sample();
   sheet.plan.clear_scans();
   sheet.pictures_png.clear();
-  EXPECT_THAT(HtmlOf(sheet), HasSubstr("The plan has no scans"));
+  EXPECT_THAT(TextOfSheet(sheet), HasSubstr("The plan has no scans"));
 }
 
 }  // namespace

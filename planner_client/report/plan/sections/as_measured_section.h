@@ -3,17 +3,19 @@
 #pragma once
 
 #include <span>
-#include <string>
 
+#include "absl/status/statusor.h"
+#include "planner_client/report/document/report_parts.h"
 #include "planner_client/report/plan/sections/report_data.h"
 #include "sightline/v1/plan.pb.h"
 
 namespace sightline {
 
-// HTML below the section's heading: pose with uncertainty, what the points do not fix, deviations
-// as a histogram and on the part, and what changed. `scans`: of the plan. `for_uncertainty`:
-// whether settled means known admissibly, else covered.
-std::string AsMeasuredHtml(const v1::AsMeasured& found, int scans, bool for_uncertainty,
-                           std::span<const ReportDeviation> deviations);
+// Pose with uncertainty, what the points do not fix, deviations as a histogram and on the part, and
+// what changed. `scans`: of the plan. `for_uncertainty`: whether settled means known admissibly,
+// else covered. Errors as DeviationViews.
+absl::StatusOr<ReportBlocks> AsMeasuredBlocks(const v1::AsMeasured& found, int scans,
+                                              bool for_uncertainty,
+                                              std::span<const ReportDeviation> deviations);
 
 }  // namespace sightline

@@ -3,13 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "planner_client/report/charts/coverage_curve.h"
 #include "planner_client/report/page/html.h"
 #include "planner_client/report/page/number_text.h"
+#include "planner_client/report/plan/coverage_chart.h"
 #include "planner_client/report/plan/sections/plan_text.h"
 #include "planner_client/report/plan/sections/report_data.h"
 #include "planner_client/report/uncertainty/uncertainty_report.h"
@@ -36,98 +35,103 @@ std::string MeasurableShare(const v1::PlanCoverage& coverage) {
                       ".");
 }
 
-std::string ScansFinding(const v1::Plan& plan) {
+std::string BoundSentence(const v1::Plan& plan) {
+  const v1::PlanCoverage& coverage = plan.coverage();
+  const v1::ScanCountBound& bound = plan.bound();
+  if (bound.scans() <= 0) return "";
+  if (!bound.converged()) {
+    return absl::StrCat(" The relaxation stands at ", FixedNumber(bound.scans(), 1),
+                        " scans; it is not proven to be a bound.");
+  }
+  // Tolerance of the LP solver: 9.0000000001 still means 9.
+  const int fewest = static_cast<int>(std::ceil(bound.scans() - 1e-6));
+  return absl::StrCat(
+      " As far as the search for the lower bound (", FixedNumber(bound.scans(), 1),
+      ") found, a plan for ", GoalText(coverage.goal()), " needs at least ",
+      CountText(fewest, "scan"),
+      GoalReached(coverage) && plan.scans_size() <= fewest ? ": no fewer than this one." : ".");
+}
+
+std::vector<v1::ReportRun> CoverageFinding(const v1::Plan& plan) {
   const v1::PlanCoverage& coverage = plan.coverage();
   const int scans = plan.scans_size();
-  if (plan.has_uncertainty()) {
-    return absl::StrCat(UncertaintyFinding(plan, StopWords(plan.stop_reason())),
-                        scans == 1 ? " It measures " : " The scans measure ",
-                        Percent(coverage.coverage()), " of the measurable surface.",
-                        MeasurableShare(coverage));
-  }
-  std::string html =
-      absl::StrCat("<strong>", CountText(scans, "scan"), scans == 1 ? " measures " : " measure ",
-                   Percent(coverage.coverage()), "</strong> of the measurable surface");
+  std::string text = " of the measurable surface";
   if (coverage.goal() > 0 && !GoalReached(coverage)) {
-    absl::StrAppend(&html, ", short of the goal of ", GoalText(coverage.goal()), ": ",
+    absl::StrAppend(&text, ", short of the goal of ", GoalText(coverage.goal()), ": ",
                     StopWords(plan.stop_reason()));
   }
-  html += ".";
+  text += ".";
   if (coverage.has_fresh_coverage()) {
-    absl::StrAppend(&html, " On ", GroupedInteger(coverage.fresh_measurable_targets()),
+    absl::StrAppend(&text, " On ", GroupedInteger(coverage.fresh_measurable_targets()),
                     " targets that the search has not seen it is ",
                     Percent(coverage.fresh_coverage()), ".");
   }
-  const v1::ScanCountBound& bound = plan.bound();
-  if (bound.scans() > 0 && bound.converged()) {
-    // Tolerance of the LP solver: 9.0000000001 still means 9.
-    const int fewest = static_cast<int>(std::ceil(bound.scans() - 1e-6));
-    absl::StrAppend(&html, " As far as the search for the lower bound (",
-                    FixedNumber(bound.scans(), 1), ") found, a plan for ",
-                    GoalText(coverage.goal()), " needs at least ", CountText(fewest, "scan"),
-                    GoalReached(coverage) && scans <= fewest ? ": no fewer than this one." : ".");
-  } else if (bound.scans() > 0) {
-    absl::StrAppend(&html, " The relaxation stands at ", FixedNumber(bound.scans(), 1),
-                    " scans; it is not proven to be a bound.");
-  }
-  return html + MeasurableShare(coverage);
+  return {StrongRun(absl::StrCat(CountText(scans, "scan"), scans == 1 ? " measures " : " measure ",
+                                 Percent(coverage.coverage()))),
+          PlainRun(absl::StrCat(text, BoundSentence(plan), MeasurableShare(coverage)))};
 }
 
 }  // namespace
 
-std::string FindingHtml(const v1::Plan& plan) {
-  std::string remarks;
+std::vector<v1::ReportRun> PlanFinding(const v1::Plan& plan) {
+  std::vector<v1::ReportRun> runs;
   for (const std::string& remark : plan.part_remarks()) {
-    absl::StrAppend(&remarks, "<strong>", EscapeHtml(remark), ".</strong> ");
+    runs.push_back(StrongRun(absl::StrCat(remark, ". ")));
   }
-  return remarks + ScansFinding(plan);
+  const auto append = [&](const std::vector<v1::ReportRun>& more) {
+    runs.insert(runs.end(), more.begin(), more.end());
+  };
+  if (!plan.has_uncertainty()) {
+    append(CoverageFinding(plan));
+    return runs;
+  }
+  append(UncertaintyFinding(plan, StopWords(plan.stop_reason())));
+  append({PlainRun(absl::StrCat(plan.scans_size() == 1 ? " It measures " : " The scans measure ",
+                                Percent(plan.coverage().coverage()), " of the measurable surface.",
+                                MeasurableShare(plan.coverage())))});
+  return runs;
 }
 
-std::string FiguresHtml(const ReportData& data) {
+std::vector<v1::ReportFact> PlanFigures(const ReportData& data) {
   const v1::Plan& plan = data.plan;
-  std::vector<std::pair<std::string, std::string>> figures;
+  std::vector<v1::ReportFact> figures;
   if (plan.has_uncertainty()) {
     figures = UncertaintyFigures(plan);
   } else {
-    figures.push_back({"scans", absl::StrCat(plan.scans_size())});
+    figures.push_back(CountFact("scans", plan.scans_size()));
   }
   // A plan for uncertainty has the goal of its own.
   const bool coverage_goal = plan.coverage().goal() > 0 && !plan.has_uncertainty();
   figures.push_back(
-      {"measured",
-       absl::StrCat(Percent(plan.coverage().coverage()),
-                    coverage_goal ? absl::StrCat(" <small>goal ", GoalText(plan.coverage().goal()),
-                                                 "</small>")
-                                  : "")});
+      PercentFact("measured", plan.coverage().coverage(), 1,
+                  coverage_goal ? absl::StrCat("goal ", GoalText(plan.coverage().goal())) : ""));
   if (plan.coverage().has_fresh_coverage()) {
-    figures.push_back({"measured, validation targets", Percent(plan.coverage().fresh_coverage())});
+    figures.push_back(
+        PercentFact("measured, validation targets", plan.coverage().fresh_coverage()));
   }
   if (plan.bound().scans() > 0 && !plan.has_uncertainty()) {
     figures.push_back(
-        {plan.bound().converged() ? "lower bound" : "relaxation (not a bound)",
-         absl::StrCat(FixedNumber(plan.bound().scans(), 1), " <small>scans</small>")});
+        NumberFact(plan.bound().converged() ? "lower bound" : "relaxation (not a bound)",
+                   plan.bound().scans(), "", FixedNumber(plan.bound().scans(), 1), "scans"));
   }
-  figures.push_back(
-      {"measurable targets",
-       absl::StrCat(GroupedInteger(plan.coverage().measurable_targets()), " <small>of ",
-                    GroupedInteger(plan.coverage().targets()), "</small>")});
+  figures.push_back(CountFact("measurable targets", plan.coverage().measurable_targets(),
+                              absl::StrCat("of ", GroupedInteger(plan.coverage().targets()))));
   if (!plan.cost().unit_costs() && plan.cost().total() > 0) {
-    figures.push_back({"time to execute",
-                       SecondsText(plan.cost().scan_time_s() + plan.cost().reposition_time_s() +
-                                   plan.robot_move_time_s())});
+    figures.push_back(SecondsFact(
+        "time to execute",
+        plan.cost().scan_time_s() + plan.cost().reposition_time_s() + plan.robot_move_time_s()));
   }
   double planning_s = 0;
   for (const NamedTiming& timing : data.timings) planning_s += timing.seconds;
-  if (planning_s > 0) figures.push_back({"computed in", SecondsText(planning_s)});
-  std::string html;
-  for (const auto& [name, value] : figures) {
-    absl::StrAppend(&html, "<div><dt>", EscapeHtml(name), "</dt><dd>", value, "</dd></div>");
-  }
-  return html;
+  if (planning_s > 0) figures.push_back(SecondsFact("computed in", planning_s));
+  return figures;
 }
 
-std::string CurveSection(const v1::Plan& plan) {
+ReportBlocks CurveBlocks(const v1::Plan& plan) {
   CoverageCurve curve;
+  curve.title = "Coverage after each scan";
+  curve.axis = "measured, of the measurable surface";
+  curve.coverage_name = "measured";
   const double measurable =
       std::max<double>(1, static_cast<double>(plan.coverage().measurable_targets()));
   for (const v1::PlannedScan& scan : plan.scans()) {
@@ -139,17 +143,11 @@ std::string CurveSection(const v1::Plan& plan) {
     curve.bound_converged = plan.bound().converged();
   }
   if (plan.coverage().has_fresh_coverage()) curve.fresh = plan.coverage().fresh_coverage();
-  std::string body = CoverageCurveSvg(curve);
-  if (curve.fresh.has_value()) {
-    body +=
-        "<p class=\"soft key-line\">\u25c7 the same after the last scan, on targets that the "
-        "search "
-        "has not seen</p>\n";
-  }
+  ReportBlocks blocks = {ChartBlock(CoverageChart(curve))};
   if (!plan.bound().statement().empty() && !plan.has_uncertainty()) {
-    absl::StrAppend(&body, "<p class=\"soft\">", EscapeHtml(plan.bound().statement()), "</p>\n");
+    blocks.push_back(RemarkBlock(plan.bound().statement()));
   }
-  return PlanSection("curve", "Coverage grows scan by scan", body);
+  return blocks;
 }
 
 }  // namespace sightline

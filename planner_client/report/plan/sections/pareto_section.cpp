@@ -7,15 +7,11 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "planner_client/report/charts/xy_chart.h"
-#include "planner_client/report/page/assets.h"
+#include "planner_client/report/document/report_series.h"
 #include "planner_client/report/page/number_text.h"
-#include "planner_client/report/page/static_page.h"
 
 namespace sightline {
 namespace {
-
-constexpr int kFrontWidth_px = 900, kFrontHeight_px = 420;
 
 double Abscissa(const v1::ParetoFront& front, const v1::ParetoPoint& point) {
   return front.has_costs() ? point.time_s() : point.scans();
@@ -29,146 +25,130 @@ std::string Note(const v1::ParetoFront& front, const v1::ParetoPoint& point) {
   return absl::StrCat(note, FixedNumber(100 * point.settled(), 2), " %");
 }
 
-// Most settled within so many seconds, as a stair.
-ChartSeries Stair(const v1::ParetoFront& front) {
+// Most satisfied within so many seconds, as a stair.
+v1::ReportSeries Stair(const v1::ParetoFront& front) {
   std::vector<int> order(static_cast<size_t>(front.points_size()));
   std::iota(order.begin(), order.end(), 0);
   std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
     return Abscissa(front, front.points(a)) < Abscissa(front, front.points(b));
   });
-  ChartSeries stair;
-  stair.css_class = "model";
+  v1::ReportSeries stair =
+      EmptySeries(front.has_costs() ? "most that was found within so many seconds"
+                                    : "most that was found with so many scans",
+                  v1::REPORT_COLOUR_MODEL, v1::ReportSeries::LINE);
   for (const int i : order) {
     const v1::ParetoPoint& point = front.points(i);
     const double y = 100 * point.settled();
-    if (!stair.y.empty() && y <= stair.y.back()) continue;
-    if (!stair.y.empty()) {
-      stair.x.push_back(Abscissa(front, point));
-      stair.y.push_back(stair.y.back());
+    if (stair.y_size() > 0) {
+      const double last = stair.y(stair.y_size() - 1);
+      if (y <= last) continue;
+      AddPoint(Abscissa(front, point), last, &stair);
     }
-    stair.x.push_back(Abscissa(front, point));
-    stair.y.push_back(y);
+    AddPoint(Abscissa(front, point), y, &stair);
   }
   return stair;
 }
 
+ReportCells RowOf(const v1::ParetoFront& front, const v1::ParetoPoint& point) {
+  ReportCells row = {CountCell(point.number()), CountCell(point.scans())};
+  if (front.has_costs()) {
+    for (const double seconds : {point.time_s(), point.scan_time_s(), point.frame_rate_time_s(),
+                                 point.reposition_time_s()}) {
+      row.push_back(NumberCell(seconds, FixedNumber(seconds, 1)));
+    }
+  }
+  v1::ReportCell settled = NumberCell(100 * point.settled(), FixedNumber(100 * point.settled(), 2));
+  settled.set_strong(true);
+  row.push_back(settled);
+  row.push_back(CountCell(point.settled_targets()));
+  if (front.fresh_judged_targets() > 0) row.push_back(CountCell(point.fresh_settled_targets()));
+  row.push_back(
+      TextCell(absl::StrCat(point.reaches_goal() ? "goal" : "",
+                            point.number() == front.chosen() ? " \u25c0 this plan" : "")));
+  return row;
+}
+
+v1::ReportBlock PointTable(const v1::ParetoFront& front) {
+  std::vector<v1::ReportColumn> columns = {NumberColumn("point"), NumberColumn("scans")};
+  if (front.has_costs()) {
+    for (const char* name : {"time", "scanning", "of it waiting for frames", "repositioning"}) {
+      columns.push_back(NumberColumn(name, "s"));
+    }
+  }
+  columns.push_back(NumberColumn(front.for_uncertainty() ? "admissible" : "measured", "%"));
+  columns.push_back(NumberColumn("own targets"));
+  if (front.fresh_judged_targets() > 0) columns.push_back(NumberColumn("validation targets"));
+  columns.push_back(WordsColumn("remark"));
+  std::vector<ReportCells> rows;
+  for (const v1::ParetoPoint& point : front.points()) rows.push_back(RowOf(front, point));
+  return TableBlock("Points of the front", columns, rows);
+}
+
 }  // namespace
 
-std::string ParetoChartSvg(const v1::ParetoFront& front) {
-  XyChart chart;
-  chart.width = kFrontWidth_px;
-  chart.height = kFrontHeight_px;
-  chart.x.title = front.has_costs() ? "time to execute, s" : "scans";
-  chart.x.whole_numbers = !front.has_costs();
-  chart.y.title = front.for_uncertainty() ? "admissible, % of the judged surface"
-                                          : "measured, % of the measurable surface";
-  chart.title = front.has_costs() ? "Satisfied surface against time, by number of scans"
-                                  : "Satisfied surface against number of scans";
-  if (front.goal() > 0) chart.marks = {100 * front.goal()};
-  ChartSeries dominated;
-  dominated.css_class = "faint";
-  dominated.mark = SeriesMark::kDots;
+v1::ReportChart ParetoChart(const v1::ParetoFront& front) {
+  v1::ReportChart chart;
+  *chart.mutable_x() = front.has_costs() ? AxisOf("time to execute", "s") : AxisOf("scans", "");
+  chart.mutable_x()->set_whole_numbers(!front.has_costs());
+  *chart.mutable_y() = AxisOf(front.for_uncertainty() ? "admissible, of the judged surface"
+                                                      : "measured, of the measurable surface",
+                              "%");
+  chart.set_title(front.has_costs() ? "Satisfied surface against time, by number of scans"
+                                    : "Satisfied surface against number of scans");
+  if (front.goal() > 0) {
+    AddLineAtY(100 * front.goal(), &chart,
+               absl::StrFormat("goal, %.6g\u202f%%", 100 * front.goal()));
+  }
+  v1::ReportSeries dominated = EmptySeries("plan to which a point of the front is better",
+                                           v1::REPORT_COLOUR_FAINT, v1::ReportSeries::DOTS);
   for (const v1::ParetoPoint& point : front.dominated()) {
-    dominated.x.push_back(Abscissa(front, point));
-    dominated.y.push_back(100 * point.settled());
-    dominated.notes.push_back(Note(front, point));
+    AddPoint(Abscissa(front, point), 100 * point.settled(), Note(front, point), &dominated);
   }
-  ChartSeries points, chosen;
-  points.css_class = "model";
-  points.mark = SeriesMark::kDots;
-  chosen.css_class = "null";
-  chosen.mark = SeriesMark::kRings;
+  v1::ReportSeries points = EmptySeries("point of the front, with its number of scans",
+                                        v1::REPORT_COLOUR_MODEL, v1::ReportSeries::DOTS);
+  v1::ReportSeries chosen =
+      EmptySeries("the plan of this report", v1::REPORT_COLOUR_REFERENCE, v1::ReportSeries::RINGS);
   for (const v1::ParetoPoint& point : front.points()) {
-    points.x.push_back(Abscissa(front, point));
-    points.y.push_back(100 * point.settled());
-    points.notes.push_back(Note(front, point));
-    points.labels.push_back(absl::StrCat(point.scans()));
+    AddPoint(Abscissa(front, point), 100 * point.settled(), Note(front, point), &points);
+    points.add_labels(absl::StrCat(point.scans()));
     if (point.number() != front.chosen()) continue;
-    chosen.x = {points.x.back()};
-    chosen.y = {points.y.back()};
-    chosen.notes = {Note(front, point)};
+    AddPoint(Abscissa(front, point), 100 * point.settled(), Note(front, point), &chosen);
   }
-  chart.series = {Stair(front), dominated, points, chosen};
-  return XyChartSvg(chart);
+  *chart.add_series() = Stair(front);
+  for (const v1::ReportSeries& series : {dominated, points, chosen}) {
+    if (series.x_size() > 0) *chart.add_series() = series;
+  }
+  return chart;
 }
 
-std::string ParetoSvgFile(const v1::ParetoFront& front) {
-  std::string svg = ParetoChartSvg(front);
-  const size_t inside = svg.find(">\n") + 2;
-  svg.insert(inside, absl::StrCat("<style><![CDATA[", ReportStyle(), ChartStyle(),
-                                  "]]></style>\n<rect width=\"100%\" height=\"100%\" "
-                                  "style=\"fill: var(--paper)\"/>\n"));
-  return "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n" +
-         svg.replace(0, 4,
-                     absl::StrFormat("<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%d\" "
-                                     "height=\"%d\" style=\"font-family: sans-serif\"",
-                                     kFrontWidth_px, kFrontHeight_px));
-}
-
-std::string ParetoSection(const v1::ParetoFront& front) {
-  std::string body = absl::StrCat(
-      "<p>Plans of which none is better than another in all of number of scans",
+ReportBlocks ParetoBlocks(const v1::ParetoFront& front) {
+  ReportBlocks blocks = {TextBlock(absl::StrCat(
+      "Plans of which none is better than another in all of number of scans",
       front.has_costs() ? ", time" : "",
-      " and satisfied surface. What counts as satisfied is the less "
-      "of the plan\u2019s own targets and of targets that the search has not seen; all numbers "
-      "are exact.</p>\n");
+      " and satisfied surface. What counts as satisfied is the less of the plan\u2019s own targets "
+      "and of targets that the search has not seen; all numbers are exact."))};
   if (!front.has_costs()) {
-    body +=
-        "<p class=\"soft\">The inspection states no speeds or times (<code>costs</code>), so "
-        "each scan costs 1 and there is no time to trade against.</p>\n";
+    blocks.push_back(RemarkBlock(
+        "The inspection states no speeds or times (costs), so each scan costs 1 and there is no "
+        "time to trade against."));
   }
   if (front.stop_reason() == v1::Plan::STOP_REASON_INTERRUPTED ||
       front.stop_reason() == v1::Plan::STOP_REASON_MAX_TIME) {
-    absl::StrAppend(&body, "<p><strong>The front is not finished: ",
-                    front.stop_reason() == v1::Plan::STOP_REASON_MAX_TIME ? "the time was up"
-                                                                          : "it was interrupted",
-                    ".</strong></p>\n");
+    blocks.push_back(ParagraphBlock({StrongRun(
+        absl::StrCat("The front is not finished: ",
+                     front.stop_reason() == v1::Plan::STOP_REASON_MAX_TIME ? "the time was up"
+                                                                           : "it was interrupted",
+                     "."))}));
   }
-  std::vector<KeyEntry> key = {
-      {"model", KeyShape::kDot, "point of the front, with its number of scans"},
-      {"model", KeyShape::kLine,
-       front.has_costs() ? "most that was found within so many seconds"
-                         : "most that was found with so many scans"},
-      {"null", KeyShape::kRing, "the plan of this report"}};
-  if (front.dominated_size() > 0) {
-    key.push_back({"faint", KeyShape::kDot, "plan to which a point of the front is better"});
-  }
-  if (front.goal() > 0) {
-    key.push_back({"faint", KeyShape::kDashedLine,
-                   absl::StrFormat("goal, %.6g\u202f%%", 100 * front.goal())});
-  }
-  absl::StrAppend(&body, ParetoChartSvg(front), ChartKey(key));
-  std::vector<std::string> head = {"point", "scans"};
-  if (front.has_costs()) {
-    head.insert(head.end(), {"time<br>s", "scanning<br>s", "of it waiting for frames<br>s",
-                             "repositioning<br>s"});
-  }
-  head.push_back(front.for_uncertainty() ? "admissible<br>%" : "measured<br>%");
-  head.push_back("own targets");
-  const bool fresh = front.fresh_judged_targets() > 0;
-  if (fresh) head.push_back("validation targets");
-  head.push_back("");
-  std::vector<std::vector<std::string>> rows;
-  for (const v1::ParetoPoint& point : front.points()) {
-    std::vector<std::string> row = {absl::StrCat(point.number()), absl::StrCat(point.scans())};
-    if (front.has_costs()) {
-      for (const double seconds : {point.time_s(), point.scan_time_s(), point.frame_rate_time_s(),
-                                   point.reposition_time_s()}) {
-        row.push_back(FixedNumber(seconds, 1));
-      }
-    }
-    row.push_back(absl::StrCat("<strong>", FixedNumber(100 * point.settled(), 2), "</strong>"));
-    row.push_back(absl::StrCat(point.settled_targets()));
-    if (fresh) row.push_back(absl::StrCat(point.fresh_settled_targets()));
-    row.push_back(absl::StrCat(point.reaches_goal() ? "goal" : "",
-                               point.number() == front.chosen() ? " \u25c0 this plan" : ""));
-    rows.push_back(std::move(row));
-  }
-  absl::StrAppend(
-      &body, PageTable(head, rows, {static_cast<int>(head.size()) - 1}),
-      "<p class=\"soft\"><code>sightline plan \u2026 --pick NUMBER</code> with the same "
-      "folder writes plan and report of another point, without planning again.</p>\n");
-  return PageSection("pareto", "Fewer scans or less time", body);
+  blocks.push_back(ChartBlock(ParetoChart(front)));
+  blocks.push_back(PointTable(front));
+  v1::ReportBlock remark = ParagraphBlock(
+      {CodeRun("sightline plan \u2026 --pick NUMBER"),
+       PlainRun(" with the same folder writes plan and report of another point, without planning "
+                "again.")});
+  remark.mutable_paragraph()->set_remark(true);
+  blocks.push_back(remark);
+  return blocks;
 }
 
 }  // namespace sightline

@@ -3,8 +3,6 @@
 
 #include <cmath>
 #include <cstdint>
-#include <utility>
-#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -35,27 +33,36 @@ std::string CountText(int64_t count, absl::string_view noun) {
   return absl::StrCat(GroupedInteger(count), " ", noun, count == 1 ? "" : "s");
 }
 
-std::string PlanSection(absl::string_view id, absl::string_view title, absl::string_view body,
-                        absl::string_view css_class) {
-  return absl::StrCat("<section id=\"", id, "\" class=\"", css_class, "\">\n<h2>", title, "</h2>\n",
-                      body, "</section>\n");
+v1::ReportCell FixedCell(double value, int decimals) {
+  return NumberCell(value, std::isfinite(value) ? FixedNumber(value, decimals) : kNoValue);
 }
 
-std::string FactsTable(const std::vector<std::pair<std::string, std::string>>& facts,
-                       absl::string_view value_class) {
-  std::string html = "<table class=\"facts\"><tbody>\n";
-  for (const auto& [name, value] : facts) {
-    absl::StrAppend(&html, "<tr><th scope=\"row\">", EscapeHtml(name), "</th><td class=\"",
-                    value_class, "\">", value, "</td></tr>\n");
-  }
-  return html + "</tbody></table>\n";
+v1::ReportCell MillimetreCell(double length_m, int decimals) {
+  return FixedCell(1e3 * length_m, decimals);
 }
 
-std::string PictureFigure(const std::string& png, absl::string_view caption) {
-  if (png.empty()) return "";
-  return absl::StrCat("<figure><img alt=\"", EscapeHtml(caption), "\" src=\"", PngDataUri(png),
-                      "\"><figcaption>", EscapeHtml(caption), "</figcaption></figure>\n");
+v1::ReportCell PercentCell(double fraction, int decimals) {
+  return NumberCell(100 * fraction,
+                    std::isfinite(fraction) ? Percent(fraction, decimals) : kNoValue, "%");
 }
+
+v1::ReportFact SecondsFact(const std::string& name, double seconds) {
+  return NumberFact(name, seconds, "s", SecondsText(seconds));
+}
+
+v1::ReportFact PercentFact(const std::string& name, double fraction, int decimals,
+                           const std::string& detail) {
+  return NumberFact(name, 100 * fraction, "%",
+                    std::isfinite(fraction) ? Percent(fraction, decimals) : kNoValue, detail);
+}
+
+void ShowScan(int scan, v1::ReportRow* row) { row->mutable_view()->set_scan(scan); }
+
+void ShowUnmeasuredRegion(int region, v1::ReportRow* row) {
+  row->mutable_view()->set_unmeasured_region(region);
+}
+
+void ShowFeature(int feature, v1::ReportRow* row) { row->mutable_view()->set_feature(feature); }
 
 std::string StopWords(v1::Plan::StopReason reason) {
   switch (reason) {

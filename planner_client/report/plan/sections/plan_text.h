@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// How the report of a plan words numbers and builds its sections.
+// How the report of a plan words numbers, and cells and facts with such numbers.
 #pragma once
 
 #include <cstdint>
 #include <string>
-#include <utility>
-#include <vector>
 
 #include "absl/strings/string_view.h"
+#include "planner_client/report/document/report_parts.h"
 #include "sightline/v1/plan.pb.h"
 
 namespace sightline {
@@ -26,16 +25,21 @@ std::string SecondsText(double seconds);
 // "1 scan", "17 scans".
 std::string CountText(int64_t count, absl::string_view noun);
 
-// `body` is HTML.
-std::string PlanSection(absl::string_view id, absl::string_view title, absl::string_view body,
-                        absl::string_view css_class = "");
+// So many decimals of a number in the unit of its column.
+v1::ReportCell FixedCell(double value, int decimals);
+// A length in millimetres, in a column of this unit.
+v1::ReportCell MillimetreCell(double length_m, int decimals = 1);
+// A fraction in per cent; a dash if it is not finite.
+v1::ReportCell PercentCell(double fraction, int decimals = 1);
 
-// Two columns: what it is, its value. Values are HTML.
-std::string FactsTable(const std::vector<std::pair<std::string, std::string>>& facts,
-                       absl::string_view value_class = "");
+v1::ReportFact SecondsFact(const std::string& name, double seconds);
+v1::ReportFact PercentFact(const std::string& name, double fraction, int decimals = 1,
+                           const std::string& detail = "");
 
-// Nothing without a picture.
-std::string PictureFigure(const std::string& png, absl::string_view caption);
+// Choosing the row shows this in the scene. Positions count from 0.
+void ShowScan(int scan, v1::ReportRow* row);
+void ShowUnmeasuredRegion(int region, v1::ReportRow* row);
+void ShowFeature(int feature, v1::ReportRow* row);
 
 // Why the search ended: "the goal was reached".
 std::string StopWords(v1::Plan::StopReason reason);

@@ -2,13 +2,12 @@
 // How finely and under which angles each scan measures.
 #pragma once
 
-#include <string>
-
+#include "planner_client/report/document/report_parts.h"
 #include "sightline/v1/plan.pb.h"
 
 namespace sightline {
 
-// A section of the report; empty if no scan of the plan has a quality.
-std::string QualitySection(const v1::Plan& plan);
+// Empty if no scan of the plan has a quality.
+ReportBlocks QualityBlocks(const v1::Plan& plan);
 
 }  // namespace sightline

@@ -4,9 +4,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "absl/strings/str_cat.h"
-#include "absl/strings/str_format.h"
-#include "planner_client/report/page/html.h"
+#include "planner_client/report/plan/sections/plan_text.h"
 #include "planner_client/report/plan/surface/uncovered_reasons.h"
 
 namespace sightline {
@@ -21,19 +19,12 @@ std::vector<std::string> ObstacleNames(const ReportData& data) {
   return names;
 }
 
-std::string Share(int64_t part, int64_t of) {
-  return of > 0 ? absl::StrFormat("%.1f\u202f%%",
-                                  100 * static_cast<double>(part) / static_cast<double>(of))
-                : "\u2013";
+v1::ReportCell Share(int64_t part, int64_t of) {
+  return of > 0 ? PercentCell(static_cast<double>(part) / static_cast<double>(of))
+                : TextCell(kNoValue);
 }
 
-// Colour of a reason, as in the 3-D view.
-std::string Key(v1::UncoveredReason reason) {
-  return absl::StrCat("<span class=\"key\" style=\"background:var(--reason-",
-                      static_cast<int>(reason), ")\"></span> ");
-}
-
-std::string ReasonTable(const v1::PlanCoverage& coverage) {
+v1::ReportBlock ReasonTable(const v1::PlanCoverage& coverage) {
   const std::vector<v1::UncoveredCount> counts(coverage.uncovered().begin(),
                                                coverage.uncovered().end());
   const auto targets_of = [&](const v1::UncoveredCount& reason, bool measurable) {
@@ -46,61 +37,52 @@ std::string ReasonTable(const v1::PlanCoverage& coverage) {
     }
     return targets;
   };
-  std::string html =
-      absl::StrCat(ScrollingTable("Reasons for which targets are not measured",
-                                  "class=\"facts\" id=\"reason-table\""),
-                   "\n<thead><tr>"
-                   "<th scope=\"col\" class=\"words\">reason</th><th scope=\"col\">targets</th><th "
-                   "scope=\"col\">of all</th><th scope=\"col\">counted as "
-                   "measurable</th><th scope=\"col\">not measurable</th></tr></thead>\n<tbody>\n");
+  std::vector<ReportCells> rows;
   int64_t sum = 0, sum_measurable = 0;
   for (const v1::UncoveredCount& reason : JoinMeasurable(counts)) {
     const int64_t measurable = targets_of(reason, true);
     sum += reason.targets();
     sum_measurable += measurable;
-    absl::StrAppend(&html, "<tr><td class=\"words\">", Key(reason.reason()),
-                    EscapeHtml(ReasonWords(reason.reason(), reason.obstacle())), "</td><td>",
-                    GroupedInteger(reason.targets()), "</td><td>",
-                    Share(reason.targets(), coverage.targets()), "</td><td>",
-                    GroupedInteger(measurable), "</td><td>",
-                    GroupedInteger(targets_of(reason, false)), "</td></tr>\n");
+    v1::ReportCell name = TextCell(ReasonWords(reason.reason(), reason.obstacle()));
+    name.set_reason(reason.reason());
+    rows.push_back({name, CountCell(reason.targets()), Share(reason.targets(), coverage.targets()),
+                    CountCell(measurable), CountCell(targets_of(reason, false))});
   }
-  absl::StrAppend(&html, "</tbody><tfoot><tr><td class=\"words\">not measured</td><td>",
-                  GroupedInteger(sum), "</td><td>", Share(sum, coverage.targets()), "</td><td>",
-                  GroupedInteger(sum_measurable), "</td><td>", GroupedInteger(sum - sum_measurable),
-                  "</td></tr></tfoot></table></div>\n");
-  return html;
+  rows.push_back({StrongCell("not measured, in all"), CountCell(sum),
+                  Share(sum, coverage.targets()), CountCell(sum_measurable),
+                  CountCell(sum - sum_measurable)});
+  return TableBlock("Reasons for which targets are not measured",
+                    {WordsColumn("reason"), NumberColumn("targets"), NumberColumn("of all"),
+                     NumberColumn("counted as measurable"), NumberColumn("not measurable")},
+                    rows);
 }
 
 struct NamedTargets {
   std::string name;
   int64_t targets = 0, measurable = 0, covered = 0;
-  std::string reasons;  // HTML
+  std::string reasons;
 };
 
-std::string NamedTable(const std::string& title, const std::vector<NamedTargets>& rows) {
-  std::string html = absl::StrCat(
-      ScrollingTable(title, "class=\"facts\""), "\n<thead><tr><th scope=\"col\" class=\"words\">",
-      title,
-      "</th><th scope=\"col\">targets</th><th scope=\"col\">measurable</th><th "
-      "scope=\"col\">measured</th><th scope=\"col\">of its targets</th>"
-      "<th scope=\"col\" class=\"words\">why not the others</th></tr></thead>\n<tbody>\n");
-  for (const NamedTargets& row : rows) {
-    absl::StrAppend(&html, "<tr><td class=\"words\">", EscapeHtml(row.name), "</td><td>",
-                    GroupedInteger(row.targets), "</td><td>", GroupedInteger(row.measurable),
-                    "</td><td>", GroupedInteger(row.covered), "</td><td>",
-                    Share(row.covered, row.targets), "</td><td class=\"words\">", row.reasons,
-                    "</td></tr>\n");
+v1::ReportBlock NamedTable(const std::string& title, const std::vector<NamedTargets>& named) {
+  std::vector<ReportCells> rows;
+  for (const NamedTargets& row : named) {
+    rows.push_back({TextCell(row.name), CountCell(row.targets), CountCell(row.measurable),
+                    CountCell(row.covered), Share(row.covered, row.targets),
+                    TextCell(row.reasons)});
   }
-  return html + "</tbody></table></div>\n";
+  return TableBlock(
+      title,
+      {WordsColumn(title), NumberColumn("targets"), NumberColumn("measurable"),
+       NumberColumn("measured"), NumberColumn("of its targets"), WordsColumn("why not the others")},
+      rows);
 }
 
 }  // namespace
 
 std::string ReasonsOf(const ReportData& data, const std::vector<uint32_t>& targets) {
   if (data.reasons.empty()) return "";
-  return EscapeHtml(ReasonList(
-      CountReasons(data.reasons, data.measurable, ObstacleNames(data), targets), kNamedReasons));
+  return ReasonList(CountReasons(data.reasons, data.measurable, ObstacleNames(data), targets),
+                    kNamedReasons);
 }
 
 std::string ReasonsOfUnmeasurable(const ReportData& data) {
@@ -111,25 +93,24 @@ std::string ReasonsOfUnmeasurable(const ReportData& data) {
   return ReasonsOf(data, targets);
 }
 
-std::string ReasonsHtml(const ReportData& data) {
+ReportBlocks ReasonsBlocks(const ReportData& data) {
   const v1::PlanCoverage& coverage = data.plan.coverage();
-  if (data.reasons.empty() || coverage.uncovered().empty()) return "";
-  std::string html =
-      "<p class=\"soft\">For every target that the plan does not measure, scans of the "
-      "inspection's domain were aimed at it. The reason is the condition that those failed at "
-      "which "
-      "came nearest to measuring it; a target is not chosen if one of them measures it. \u201cWhy "
-      "it "
-      "is not measured\u201d in the view above shows where.</p>\n";
-  html += ReasonTable(coverage);
+  if (data.reasons.empty() || coverage.uncovered().empty()) return {};
+  ReportBlocks blocks = {
+      RemarkBlock(
+          "For every target that the plan does not measure, scans of the inspection's domain "
+          "were aimed at it. The reason is the condition that those failed at which came "
+          "nearest to measuring it; a target is not chosen if one of them measures it. "
+          "\u201cWhy it is not measured\u201d in the view above shows where."),
+      ReasonTable(coverage)};
   std::vector<NamedTargets> regions;
   for (const v1::RegionCoverage& region : coverage.regions()) {
     const std::vector<v1::UncoveredCount> counts(region.uncovered().begin(),
                                                  region.uncovered().end());
     regions.push_back({region.name(), region.targets(), region.measurable_targets(),
-                       region.covered_targets(), EscapeHtml(ReasonList(counts, kNamedReasons))});
+                       region.covered_targets(), ReasonList(counts, kNamedReasons)});
   }
-  if (!regions.empty()) html += NamedTable("region of interest", regions);
+  if (!regions.empty()) blocks.push_back(NamedTable("region of interest", regions));
   if (data.uncertainty.has_value() && !data.uncertainty->feature_targets.empty()) {
     TargetBits covered(data.targets.size());
     for (const ReportScan& scan : data.scans) covered |= scan.covered;
@@ -147,9 +128,9 @@ std::string ReasonsHtml(const ReportData& data) {
       }
       row.reasons = ReasonsOf(data, targets);
     }
-    html += NamedTable("toleranced feature", features);
+    blocks.push_back(NamedTable("toleranced feature", features));
   }
-  return html;
+  return blocks;
 }
 
 }  // namespace sightline

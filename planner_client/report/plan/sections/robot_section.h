@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// The robot of a plan: a section of the report, and what the viewer draws of it.
+// The robot of a plan: a section of the report, and what the scene shows of it.
 #pragma once
 
 #include <Eigen/Geometry>
 #include <array>
-#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 
+#include "planner_client/report/document/report_parts.h"
 #include "sightline/v1/plan.pb.h"
 
 namespace sightline {
@@ -36,12 +36,8 @@ struct ReportRobot {
   std::vector<ScanPoses> scans;
 };
 
-// Table of joint positions and times, and what cannot be reached and why. Needs one entry of
-// robot.scans and one RobotScan per scan of the plan.
-std::string RobotSection(const v1::Plan& plan, const ReportRobot& robot);
-
-// The solids, as viewer/scene.js takes them, and their poses in one scan (null: none).
-nlohmann::json RobotSolidsJson(const ReportRobot& robot);
-nlohmann::json RobotPosesJson(const ReportRobot::ScanPoses& scan);
+// Joint positions and times, and what cannot be reached and why. Needs one entry of robot.scans and
+// one RobotScan per scan of the plan.
+ReportBlocks RobotBlocks(const v1::Plan& plan, const ReportRobot& robot);
 
 }  // namespace sightline

@@ -2,113 +2,118 @@
 #include "planner_client/report/plan/sections/scans_section.h"
 
 #include <algorithm>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_replace.h"
-#include "planner_client/report/page/html.h"
 #include "planner_client/report/page/number_text.h"
 #include "planner_client/report/plan/sections/plan_text.h"
-#include "planner_client/report/plan/sections/report_data.h"
 #include "planner_client/report/plan/sections/setups_section.h"
 
 namespace sightline {
 namespace {
 
-// `judged`: targets that a tolerance binds; 0: the plan is not for uncertainty.
-std::string ScanRow(const v1::PlannedScan& scan, const ReportScan& extra, int number,
-                    double measurable, double judged, const std::string& setup) {
+v1::ReportColumn Grouped(const std::string& group, v1::ReportColumn column) {
+  column.set_group(group);
+  return column;
+}
+
+std::vector<v1::ReportColumn> Columns(bool for_uncertainty) {
+  constexpr char kSensors[] = "Camera and laser", kPart[] = "Part", kStage[] = "Stage",
+                 kTargets[] = "Targets", kKnown[] = "Known well enough";
+  std::vector<v1::ReportColumn> columns = {NumberColumn("scan"),
+                                           WordsColumn(""),
+                                           Grouped(kSensors, NumberColumn("distance", "mm")),
+                                           Grouped(kSensors, NumberColumn("\u03c4", "\u00b0")),
+                                           Grouped(kSensors, NumberColumn("\u03c6", "\u00b0")),
+                                           Grouped(kSensors, NumberColumn("\u03b8", "\u00b0")),
+                                           Grouped(kPart, NumberColumn("\u03b1", "\u00b0")),
+                                           Grouped(kPart, NumberColumn("\u03b2", "\u00b0")),
+                                           Grouped(kPart, NumberColumn("\u03b3", "\u00b0")),
+                                           Grouped(kPart, NumberColumn("y", "mm")),
+                                           Grouped(kPart, NumberColumn("z", "mm")),
+                                           Grouped(kStage, NumberColumn("start", "mm")),
+                                           Grouped(kStage, NumberColumn("end", "mm")),
+                                           Grouped(kStage, NumberColumn("frames")),
+                                           Grouped(kStage, NumberColumn("time", "s")),
+                                           Grouped(kTargets, NumberColumn("measured")),
+                                           Grouped(kTargets, NumberColumn("new")),
+                                           Grouped(kTargets, NumberColumn("sum"))};
+  if (for_uncertainty) {
+    columns.push_back(Grouped(kKnown, NumberColumn("admissible")));
+    columns.push_back(Grouped(kKnown, NumberColumn("relaxed")));
+  }
+  return columns;
+}
+
+v1::ReportCell PictureCell(const ReportScan& scan, int index) {
+  v1::ReportCell cell;
+  if (scan.rendered_view_png.empty()) return cell;
+  cell.mutable_picture()->set_png(scan.rendered_view_png);
+  cell.mutable_picture()->set_alternative(absl::StrCat("Scan ", index, ": part, camera and laser"));
+  return cell;
+}
+
+// Share of `all` targets.
+v1::ReportCell Fraction(int64_t targets, int64_t all) {
+  return PercentCell(static_cast<double>(targets) / static_cast<double>(std::max<int64_t>(1, all)));
+}
+
+ReportCells RowOf(const ReportData& data, int i) {
+  const v1::PlannedScan& scan = data.plan.scans(i);
   const v1::Measurement& m = scan.measurement();
-  std::string row = absl::StrCat("<tr class=\"selectable\" data-scan=\"", number,
-                                 "\"><td class=\"strong\">", scan.index());
-  if (scan.locked()) row += "<span class=\"badge\">locked</span>";
-  if (!setup.empty()) absl::StrAppend(&row, "<br><small>", EscapeHtml(setup), "</small>");
-  row += "</td><td>";
-  if (!extra.rendered_view_png.empty()) {
-    absl::StrAppend(&row, "<img class=\"thumb\" alt=\"Scan ", scan.index(),
-                    ": part, camera and laser\" src=\"", PngDataUri(extra.rendered_view_png),
-                    "\">");
+  v1::ReportCell number = CountCell(scan.index());
+  number.set_strong(true);
+  if (scan.locked()) number.set_detail("locked");
+  ReportCells row = {
+      number,
+      PictureCell(data.scans[static_cast<size_t>(i)], scan.index()),
+      MillimetreCell(m.camera_distance_m()),
+      FixedCell(m.triangulation_angle_deg(), 2),
+      FixedCell(m.camera_azimuth_deg(), 2),
+      FixedCell(m.camera_polar_deg(), 2),
+      FixedCell(m.part_alpha_deg(), 2),
+      FixedCell(m.part_beta_deg(), 2),
+      FixedCell(m.part_gamma_deg(), 2),
+      MillimetreCell(m.offset_y_m()),
+      MillimetreCell(m.offset_z_m()),
+      MillimetreCell(scan.stage_start_m(), 0),
+      MillimetreCell(scan.stage_end_m(), 0),
+      CountCell(scan.trigger_positions_m_size()),
+      scan.scan_time_s() > 0 ? FixedCell(scan.scan_time_s(), 1) : TextCell(kNoValue),
+      CountCell(scan.covered_targets()),
+      CountCell(scan.new_targets()),
+      Fraction(scan.cumulative_targets(), data.plan.coverage().measurable_targets())};
+  if (data.plan.has_uncertainty()) {
+    const int64_t judged = data.plan.uncertainty().judged_targets();
+    row.push_back(Fraction(scan.cumulative_admissible_targets(), judged));
+    row.push_back(Fraction(scan.cumulative_relaxed_targets(), judged));
   }
-  const auto cell = [&row](const std::string& text, absl::string_view css_class = "") {
-    if (css_class.empty()) {
-      absl::StrAppend(&row, "</td><td>", text);
-    } else {
-      absl::StrAppend(&row, "</td><td class=\"", css_class, "\">", text);
-    }
-  };
-  cell(Millimetres(m.camera_distance_m()), "first");
-  cell(FixedNumber(m.triangulation_angle_deg(), 2));
-  cell(FixedNumber(m.camera_azimuth_deg(), 2));
-  cell(FixedNumber(m.camera_polar_deg(), 2));
-  cell(FixedNumber(m.part_alpha_deg(), 2), "first");
-  cell(FixedNumber(m.part_beta_deg(), 2));
-  cell(FixedNumber(m.part_gamma_deg(), 2));
-  cell(Millimetres(m.offset_y_m()));
-  cell(Millimetres(m.offset_z_m()));
-  cell(Millimetres(scan.stage_start_m(), 0), "first");
-  cell(Millimetres(scan.stage_end_m(), 0));
-  cell(GroupedInteger(scan.trigger_positions_m_size()));
-  cell(scan.scan_time_s() > 0 ? FixedNumber(scan.scan_time_s(), 1) : "\u2013");
-  cell(GroupedInteger(scan.covered_targets()), "first");
-  cell(GroupedInteger(scan.new_targets()));
-  cell(Percent(static_cast<double>(scan.cumulative_targets()) / measurable), "strong");
-  if (judged > 0) {
-    cell(Percent(static_cast<double>(scan.cumulative_admissible_targets()) / judged),
-         "first strong");
-    cell(Percent(static_cast<double>(scan.cumulative_relaxed_targets()) / judged));
-  }
-  return row + "</td></tr>\n";
+  return row;
 }
 
 }  // namespace
 
-std::string ScansSection(const ReportData& data) {
-  if (data.scans.empty()) return PlanSection("scans", "Scans", "<p>The plan has no scans.</p>\n");
-  std::string body = absl::StrCat(
-      "<p class=\"soft\">Select a row to see the scan in the part above; click a picture to "
-      "enlarge it. "
-      "Camera distance, triangulation angle \u03c4, azimuth \u03c6 and polar angle \u03b8 place "
-      "camera and "
-      "laser; \u03b1, \u03b2, \u03b3 turn the part about x, y, z; y and z shift "
-      "it.</p>\n",
-      ScrollingTable("Scans", "id=\"scan-table\""),
-      "\n<thead>\n<tr class=\"groups\"><td></td><td></td>"
-      "<th scope=\"colgroup\" colspan=\"4\">Camera and laser</th><th scope=\"colgroup\" "
-      "colspan=\"5\">Part</th><th scope=\"colgroup\" colspan=\"4\">Stage</th>"
-      "<th scope=\"colgroup\" colspan=\"3\">Targets</th>{{GROUP}}</tr>\n"
-      "<tr><th scope=\"col\">scan</th><td></td><th scope=\"col\" "
-      "class=\"first\">distance<br>mm</th><th scope=\"col\">\u03c4<br>\u00b0</th>"
-      "<th scope=\"col\">\u03c6<br>\u00b0</th><th scope=\"col\">\u03b8<br>\u00b0</th><th "
-      "scope=\"col\" class=\"first\">\u03b1<br>\u00b0</th>"
-      "<th scope=\"col\">\u03b2<br>\u00b0</th><th scope=\"col\">\u03b3<br>\u00b0</th><th "
-      "scope=\"col\">y<br>mm</th><th scope=\"col\">z<br>mm</th>"
-      "<th scope=\"col\" class=\"first\">start<br>mm</th><th scope=\"col\">end<br>mm</th><th "
-      "scope=\"col\">frames</th><th scope=\"col\">time<br>s</th>"
-      "<th scope=\"col\" class=\"first\">measured</th><th scope=\"col\">new</th><th "
-      "scope=\"col\">sum</th>{{HEAD}}</tr>\n</thead>\n<tbody>\n");
-  const bool uncertain = data.plan.has_uncertainty();
-  body = absl::StrReplaceAll(
-      body,
-      {{"{{GROUP}}",
-        uncertain ? "<th scope=\"colgroup\" colspan=\"2\">Known well enough</th>" : ""},
-       {"{{HEAD}}",
-        uncertain
-            ? "<th scope=\"col\" class=\"first\">admissible</th><th scope=\"col\">relaxed</th>"
-            : ""}});
-  const double judged =
-      uncertain ? std::max<double>(1, static_cast<double>(data.plan.uncertainty().judged_targets()))
-                : 0;
-  const double measurable =
-      std::max<double>(1, static_cast<double>(data.plan.coverage().measurable_targets()));
-  for (size_t i = 0; i < data.scans.size(); ++i) {
-    body += ScanRow(data.plan.scans(static_cast<int>(i)), data.scans[i], static_cast<int>(i) + 1,
-                    measurable, judged, SetupText(data.plan, data.plan.scans(static_cast<int>(i))));
+ReportBlocks ScansBlocks(const ReportData& data) {
+  if (data.scans.empty()) return {TextBlock("The plan has no scans.")};
+  std::vector<ReportCells> rows;
+  for (int i = 0; i < data.plan.scans_size(); ++i) rows.push_back(RowOf(data, i));
+  v1::ReportBlock table = TableBlock("Scans", Columns(data.plan.has_uncertainty()), rows);
+  for (int i = 0; i < data.plan.scans_size(); ++i) {
+    ShowScan(i, table.mutable_table()->mutable_rows(i));
   }
-  body += "</tbody></table></div>\n";
+  ReportBlocks blocks = {
+      RemarkBlock("Select a row to see the scan in the part above; press a picture to enlarge it. "
+                  "Camera distance, triangulation angle \u03c4, azimuth \u03c6 and polar angle "
+                  "\u03b8 place camera and laser; \u03b1, \u03b2, \u03b3 turn the part about x, y, "
+                  "z; y and z shift it."),
+      table};
   if (!data.set_up_sheet.empty()) {
-    absl::StrAppend(&body, "<p>To set them up: <a href=\"", EscapeHtml(data.set_up_sheet),
-                    "\">set-up sheet</a>, a page to print for every scan.</p>\n");
+    v1::ReportRun link = PlainRun("set-up sheet");
+    link.set_link(data.set_up_sheet);
+    blocks.push_back(ParagraphBlock({PlainRun("To set them up: "), link,
+                                     PlainRun(", pages to print and take to the machine.")}));
   }
-  return PlanSection("scans", "Scans", body, "long");
+  return blocks;
 }
 
 }  // namespace sightline

@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -27,49 +28,51 @@ std::string UnmeasurableWords(const ReportData& data) {
 
 }  // namespace
 
-std::string UncoveredSection(const ReportData& data, const std::vector<UncoveredRegion>& regions,
+ReportBlocks UncoveredBlocks(const ReportData& data, const std::vector<UncoveredRegion>& regions,
                              size_t region_count, int64_t uncovered) {
-  if (regions.empty()) {
-    return PlanSection("uncovered", "What stays unmeasured",
-                       "<p>Nothing: every measurable target is measured.</p>\n");
-  }
+  if (regions.empty()) return {TextBlock("Nothing: every measurable target is measured.")};
   const Eigen::AlignedBox3d bounds = data.mesh.BoundingBox();
-  std::string body = absl::StrCat(
-      "<p class=\"soft\">", CountText(uncovered, "measurable target"), " in ",
-      CountText(static_cast<int64_t>(region_count), "connected region"),
-      " are not measured by any scan",
-      region_count > regions.size() ? absl::StrCat("; the ", regions.size(), " largest") : "",
-      ". Select a row to look at it above.</p>\n",
-      ScrollingTable("Connected regions that no scan measures", "id=\"region-table\""),
-      "\n<thead><tr><th scope=\"col\">region</th><th scope=\"col\">targets</th>"
-      "<th scope=\"col\">of the surface</th><th scope=\"col\">area<br>mm\u00b2</th><th "
-      "scope=\"col\">extent<br>mm</th><th scope=\"col\">centre x, y, "
-      "z<br>mm</th>"
-      "<th scope=\"col\" class=\"words\">where</th>",
-      data.reasons.empty() ? "" : "<th scope=\"col\" class=\"words\">why</th>",
-      "</tr></thead>\n<tbody>\n");
-  for (size_t i = 0; i < regions.size(); ++i) {
-    const UncoveredRegion& region = regions[i];
+  std::vector<v1::ReportColumn> columns = {NumberColumn("region"),
+                                           NumberColumn("targets"),
+                                           NumberColumn("of the surface"),
+                                           NumberColumn("area", "mm\u00b2"),
+                                           NumberColumn("extent", "mm"),
+                                           NumberColumn("centre x, y, z", "mm"),
+                                           WordsColumn("where")};
+  if (!data.reasons.empty()) columns.push_back(WordsColumn("why"));
+  std::vector<ReportCells> rows;
+  for (const UncoveredRegion& region : regions) {
     const Eigen::Vector3d size = region.bounds_m.sizes();
-    absl::StrAppend(
-        &body, "<tr class=\"selectable\" data-region=\"", i, "\"><td class=\"strong\">", i + 1,
-        "</td><td>", GroupedInteger(static_cast<int64_t>(region.targets.size())), "</td><td>",
-        Percent(region.area_share, 2), "</td><td>",
-        GroupedInteger(std::llround(1e6 * region.area_share * data.health.area_m2())), "</td><td>",
-        Millimetres(size.x(), 0), " \u00d7 ", Millimetres(size.y(), 0), " \u00d7 ",
-        Millimetres(size.z(), 0), "</td><td>", Millimetres(region.centroid_m.x(), 0), ", ",
-        Millimetres(region.centroid_m.y(), 0), ", ", Millimetres(region.centroid_m.z(), 0),
-        "</td><td class=\"words\">", DescribePlace(region, bounds),
-        data.reasons.empty()
-            ? ""
-            : absl::StrCat("</td><td class=\"words\">", ReasonsOf(data, region.targets)),
-        "</td></tr>\n");
+    const Eigen::Vector3d& centre = region.centroid_m;
+    const double area_mm2 = 1e6 * region.area_share * data.health.area_m2();
+    ReportCells row = {
+        CountCell(static_cast<int64_t>(rows.size()) + 1),
+        CountCell(static_cast<int64_t>(region.targets.size())),
+        PercentCell(region.area_share, 2),
+        NumberCell(area_mm2, GroupedInteger(std::llround(area_mm2))),
+        TextCell(absl::StrCat(Millimetres(size.x(), 0), " \u00d7 ", Millimetres(size.y(), 0),
+                              " \u00d7 ", Millimetres(size.z(), 0))),
+        TextCell(absl::StrCat(Millimetres(centre.x(), 0), ", ", Millimetres(centre.y(), 0), ", ",
+                              Millimetres(centre.z(), 0))),
+        TextCell(DescribePlace(region, bounds))};
+    if (!data.reasons.empty()) row.push_back(TextCell(ReasonsOf(data, region.targets)));
+    rows.push_back(std::move(row));
   }
-  body += "</tbody></table></div>\n";
-  return PlanSection("uncovered", "What stays unmeasured", body, "long");
+  v1::ReportBlock table = TableBlock("Connected regions that no scan measures", columns, rows);
+  for (int i = 0; i < table.table().rows_size(); ++i) {
+    ShowUnmeasuredRegion(i, table.mutable_table()->mutable_rows(i));
+  }
+  return {
+      RemarkBlock(absl::StrCat(
+          CountText(uncovered, "measurable target"), " in ",
+          CountText(static_cast<int64_t>(region_count), "connected region"),
+          " are not measured by any scan",
+          region_count > regions.size() ? absl::StrCat("; the ", regions.size(), " largest") : "",
+          ". Select a row to look at it above.")),
+      table};
 }
 
-std::string MeasurabilitySection(const ReportData& data) {
+ReportBlocks MeasurabilityBlocks(const ReportData& data) {
   const int64_t targets = data.plan.coverage().targets();
   const int64_t measurable = data.plan.coverage().measurable_targets();
   const int64_t anywhere = data.plan.coverage().measurable_in_free_space_targets();
@@ -78,45 +81,43 @@ std::string MeasurabilitySection(const ReportData& data) {
   };
   const std::string directions =
       " can be seen and lit from some pair of directions 10\u00b0 to 80\u00b0 apart";
-  std::string body = absl::StrCat(
-      "<p>", GroupedInteger(measurable), " of ", CountText(targets, "target"), " (",
-      share(measurable), ")",
+  ReportBlocks blocks = {TextBlock(absl::StrCat(
+      GroupedInteger(measurable), " of ", CountText(targets, "target"), " (", share(measurable),
+      ")",
       anywhere > 0
           ? absl::StrCat(" can be measured with this rig: as the part may lie, past table and "
                          "obstacles, within domain and limits. ",
                          GroupedInteger(anywhere), " (", share(anywhere), ")", directions,
                          " if the sensors may stand anywhere.")
           : absl::StrCat(directions, "."),
-      UnmeasurableWords(data), "</p>\n<div class=\"pictures\">",
-      PictureFigure(data.measurability_png, "Measurable surface"), "</div>\n");
-  return PlanSection("measurability", "What can be measured at all", body);
+      UnmeasurableWords(data)))};
+  if (!data.measurability_png.empty()) {
+    blocks.push_back(
+        PictureBlock(data.measurability_png, "Measurable surface", "Measurable surface"));
+  }
+  return blocks;
 }
 
-std::string PartSection(const ReportData& data) {
+ReportBlocks PartBlocks(const ReportData& data) {
   const v1::PartHealth& health = data.health;
   const Eigen::Vector3d size = data.mesh.BoundingBox().sizes();
-  std::string body;
-  if (health.findings().empty()) {
-    body += "<p>The mesh is sound.</p>\n";
-  } else {
-    body += "<ul>";
-    for (const std::string& finding : health.findings()) {
-      absl::StrAppend(&body, "<li>", EscapeHtml(finding), "</li>");
-    }
-    body += "</ul>\n";
-  }
-  body += FactsTable(
-      {{"Size", absl::StrCat(Millimetres(size.x()), " \u00d7 ", Millimetres(size.y()), " \u00d7 ",
-                             Millimetres(size.z()), " mm")},
-       {"Surface", absl::StrCat(GroupedInteger(std::llround(1e4 * health.area_m2())), " cm\u00b2")},
-       {"Triangles", GroupedInteger(health.triangle_count())},
-       {"Components", GroupedInteger(health.component_count())},
-       {"Open edges", GroupedInteger(health.open_edge_count())},
-       {"Non-manifold edges", GroupedInteger(health.non_manifold_edge_count())},
-       {"Degenerate triangles", GroupedInteger(health.degenerate_triangle_count())},
-       {"Duplicate triangles", GroupedInteger(health.duplicate_triangle_count())},
-       {"Flipped components", GroupedInteger(health.flipped_component_count())}});
-  return PlanSection("part", "Part", body);
+  ReportBlocks blocks;
+  std::vector<std::vector<v1::ReportRun>> findings;
+  for (const std::string& finding : health.findings()) findings.push_back({PlainRun(finding)});
+  blocks.push_back(findings.empty() ? TextBlock("The mesh is sound.") : ListBlock(findings));
+  blocks.push_back(FactsBlock(
+      {TextFact("Size", absl::StrCat(Millimetres(size.x()), " \u00d7 ", Millimetres(size.y()),
+                                     " \u00d7 ", Millimetres(size.z()), " mm")),
+       NumberFact("Surface", 1e4 * health.area_m2(), "cm\u00b2",
+                  absl::StrCat(GroupedInteger(std::llround(1e4 * health.area_m2())), " cm\u00b2")),
+       CountFact("Triangles", health.triangle_count()),
+       CountFact("Components", health.component_count()),
+       CountFact("Open edges", health.open_edge_count()),
+       CountFact("Non-manifold edges", health.non_manifold_edge_count()),
+       CountFact("Degenerate triangles", health.degenerate_triangle_count()),
+       CountFact("Duplicate triangles", health.duplicate_triangle_count()),
+       CountFact("Flipped components", health.flipped_component_count())}));
+  return blocks;
 }
 
 }  // namespace sightline

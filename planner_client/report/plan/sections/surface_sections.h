@@ -1,24 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sections on the part and its surface: what stays unmeasured, what can be measured at all.
+// The part and its surface: what stays unmeasured, what can be measured at all.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
-#include <string>
 #include <vector>
 
+#include "planner_client/report/document/report_parts.h"
 #include "planner_client/report/plan/sections/report_data.h"
 #include "planner_client/report/plan/surface/uncovered_regions.h"
 
 namespace sightline {
 
 // `regions`: those to be listed, of `region_count`; `uncovered`: measurable targets in all of them.
-std::string UncoveredSection(const ReportData& data, const std::vector<UncoveredRegion>& regions,
+ReportBlocks UncoveredBlocks(const ReportData& data, const std::vector<UncoveredRegion>& regions,
                              size_t region_count, int64_t uncovered);
 
-std::string MeasurabilitySection(const ReportData& data);
+ReportBlocks MeasurabilityBlocks(const ReportData& data);
 
 // Size and health of the mesh.
-std::string PartSection(const ReportData& data);
+ReportBlocks PartBlocks(const ReportData& data);
 
 }  // namespace sightline

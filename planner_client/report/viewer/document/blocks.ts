@@ -3,7 +3,10 @@
 import {chartElement} from './charts/chart';
 import {chartKey} from './charts/chart_key';
 import {element} from './elements';
-import {Block, Chart, Fact, Group, Paragraph, Picture, Run, ValueMap} from './report_data';
+import {drawingElement} from './drawing';
+import {pictureElement} from './pictures';
+import {Block, Chart, Fact, Group, Paragraph, Run, ValueMap} from './report_data';
+import {sceneElement} from './scene';
 import {tableElement} from './table';
 import {mapElement, mapKey} from './charts/value_map';
 
@@ -25,12 +28,6 @@ const paragraphElement = (paragraph: Paragraph): HTMLElement =>
 export function factElements(fact: Fact): [HTMLElement, HTMLElement] {
   return [element('dt', {}, fact.name ?? ''),
     element('dd', {}, fact.text ?? '', fact.detail ? element('small', {}, ` ${fact.detail}`) : null)];
-}
-
-function pictureElement(picture: Picture): HTMLElement {
-  const image = element('img', {src: `data:image/png;base64,${picture.png ?? ''}`, alt: picture.alternative ?? picture.caption ?? '',
-    class: picture.pixels ? 'pixels' : undefined});
-  return element('figure', {}, image, picture.caption ? element('figcaption', {}, picture.caption) : null);
 }
 
 /** Charts and maps of a block and of the groups in it. */
@@ -66,7 +63,7 @@ function groupElement(group: Group, keyIsAbove: boolean): HTMLElement {
 export function blockElement(block: Block, keyIsAbove = false): HTMLElement {
   if (block.paragraph) return paragraphElement(block.paragraph);
   if (block.list) {
-    return element('ul', {}, ...(block.list.items ?? []).map((item) => element('li', {}, ...runElements(item.runs))));
+    return element(block.list.numbered ? 'ol' : 'ul', {}, ...(block.list.items ?? []).map((item) => element('li', {}, ...runElements(item.runs))));
   }
   if (block.facts) return element('dl', {class: 'facts'}, ...(block.facts.facts ?? []).flatMap(factElements));
   if (block.table) return tableElement(block.table);
@@ -76,6 +73,8 @@ export function blockElement(block: Block, keyIsAbove = false): HTMLElement {
   }
   if (block.map) return element('div', {}, keyIsAbove ? null : mapKey(block.map), mapElement(block.map));
   if (block.picture) return pictureElement(block.picture);
+  if (block.scene) return sceneElement(block.scene);
+  if (block.drawing) return drawingElement(block.drawing);
   if (block.group) return groupElement(block.group, keyIsAbove);
   if (block.note) return element('p', {class: 'notice'}, block.note.text ?? '');
   return element('p', {class: 'notice'}, 'This page is older than its report: it cannot show what stands here. See report.json.');

@@ -3,6 +3,7 @@
 import {blockElement, factElements, runElements} from './blocks';
 import {element} from './elements';
 import {readReport, Report, Section} from './report_data';
+import {showScene} from './scene';
 
 function headElement(report: Report): HTMLElement {
   const head = element('header', {class: 'page-head'});
@@ -21,8 +22,24 @@ function headElement(report: Report): HTMLElement {
 }
 
 function sectionElement(section: Section): HTMLElement {
-  return element('section', {id: section.id || undefined}, element('h2', {}, section.title ?? ''),
-      ...(section.blocks ?? []).map((block) => blockElement(block)));
+  return element('section', {id: section.id || undefined, class: section.new_page ? 'new-page' : undefined},
+      element('h2', {}, section.title ?? ''), ...(section.blocks ?? []).map((block) => blockElement(block)));
+}
+
+/** Neighbouring narrow sections stand side by side. */
+function sectionElements(sections: Section[]): HTMLElement[] {
+  const made: HTMLElement[] = [];
+  let beside: HTMLElement | null = null;
+  for (const section of sections) {
+    if (!section.narrow) {
+      beside = null;
+      made.push(sectionElement(section));
+      continue;
+    }
+    if (!beside) made.push(beside = element('div', {class: 'narrow-sections'}));
+    beside.append(sectionElement(section));
+  }
+  return made;
 }
 
 /** Folded parts are printed too, charts in the width of the paper. */
@@ -43,8 +60,11 @@ function show(): void {
   if (!page) return;
   try {
     const report = readReport(data?.textContent ?? '');
-    page.replaceChildren(headElement(report), element('main', {}, ...(report.sections ?? []).map(sectionElement)),
+    // Sheets to take to the machine are printed otherwise.
+    document.body.dataset.kind = report.kind ?? '';
+    page.replaceChildren(headElement(report), element('main', {}, ...sectionElements(report.sections ?? [])),
         element('footer', {}, 'Sightline. One file, nothing is loaded from anywhere; its data are also in a JSON file beside it.'));
+    showScene();
   } catch (error) {
     const reason = error instanceof Error ? error.message : String(error);
     page.replaceChildren(element('main', {}, element('h1', {}, 'This report is damaged'),

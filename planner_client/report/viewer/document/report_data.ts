@@ -8,8 +8,19 @@ export interface Run { text?: string; strong?: boolean; code?: boolean; link?: s
 export interface Paragraph { runs?: Run[]; remark?: boolean }
 export interface Fact { name?: string; text?: string; number?: JsonNumber; unit?: string; detail?: string }
 export interface Column { name?: string; unit?: string; kind?: 'TEXT' | 'NUMBER' | 'SHARE'; help?: string; group?: string }
-export interface Cell { text?: string; number?: JsonNumber; unit?: string; detail?: string; strong?: boolean }
-export interface Row { cells?: Cell[]; state?: string }
+export interface Picture { png?: string; caption?: string; alternative?: string; pixels?: boolean }
+export interface Cell {
+  text?: string;
+  number?: JsonNumber;
+  unit?: string;
+  detail?: string;
+  strong?: boolean;
+  state?: string;
+  picture?: Picture;
+  reason?: number;
+}
+export interface View { scan?: number; unmeasured_region?: number; feature?: number }
+export interface Row { cells?: Cell[]; state?: string; view?: View }
 export interface Table { title?: string; columns?: Column[]; rows?: Row[] }
 
 export interface Axis {
@@ -36,6 +47,7 @@ export interface Series {
   band_name?: string;
   labels?: string[];
   notes?: string[];
+  of_scans?: boolean;
 }
 export interface Chart {
   kind?: 'XY' | 'RANGES' | 'BARS';
@@ -58,8 +70,18 @@ export interface ValueMap {
   value_name?: string;
   levels?: JsonNumber[];
 }
-export interface Picture { png?: string; caption?: string; alternative?: string; pixels?: boolean }
 export interface Note { severity?: string; text?: string }
+export interface Shape {
+  kind?: 'LINE' | 'DASHED_LINE' | 'AREA' | 'DOT' | 'TEXT';
+  subject?: 'PLAIN' | 'PART' | 'CAMERA' | 'LASER' | 'AXIS';
+  x?: JsonNumber[];
+  y?: JsonNumber[];
+  text?: string;
+  radius?: JsonNumber;
+}
+export interface Drawing { alternative?: string; caption?: string; width?: JsonNumber; height?: JsonNumber; shapes?: Shape[] }
+/** Read by data.js. */
+export type Scene = Record<string, unknown>;
 export interface Group {
   title?: string;
   subtitle?: string;
@@ -70,7 +92,7 @@ export interface Group {
 }
 export interface Block {
   paragraph?: Paragraph;
-  list?: { items?: Paragraph[] };
+  list?: { items?: Paragraph[]; numbered?: boolean };
   facts?: { facts?: Fact[] };
   table?: Table;
   chart?: Chart;
@@ -78,8 +100,10 @@ export interface Block {
   picture?: Picture;
   note?: Note;
   group?: Group;
+  scene?: Scene;
+  drawing?: Drawing;
 }
-export interface Section { id?: string; title?: string; blocks?: Block[] }
+export interface Section { id?: string; title?: string; blocks?: Block[]; narrow?: boolean; new_page?: boolean }
 export interface Report {
   title?: string;
   kind?: string;

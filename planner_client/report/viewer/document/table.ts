@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tables that sort by a column and copy as text.
 import {element} from './elements';
+import {thumbnail} from './pictures';
 import {Cell, Column, numberOf, Row, Table} from './report_data';
+import {hasScene} from './scene';
 
 // Smaller tables are read at a glance.
 const FEWEST_ROWS_TO_SORT = 4;
@@ -9,13 +11,18 @@ const MOST_COLUMNS_AT_EASE = 8;
 
 const isWords = (column: Column): boolean => (column.kind ?? 'TEXT') !== 'NUMBER';
 
+const stateOf = (state: string | undefined): string => (state ?? '').replace('REPORT_STATE_', '').toLowerCase();
+
 function cellElement(cell: Cell, column: Column): HTMLElement {
-  const made = element('td', {class: column.kind === 'SHARE' ? 'words of-share' : isWords(column) ? 'words' : undefined});
+  const css = [column.kind === 'SHARE' ? 'words of-share' : isWords(column) ? 'words' : '', stateOf(cell.state)];
+  const made = element('td', {class: css.filter(Boolean).join(' ') || undefined});
+  if (cell.picture?.png) made.append(thumbnail(cell.picture));
   if (column.kind === 'SHARE' && cell.number !== undefined) {
     const share = Math.min(1, Math.max(0, numberOf(cell.number) || 0));
     made.append(element('span', {'class': 'share', 'style': `--share: ${share}`, 'aria-hidden': 'true'}));
   }
   const text = cell.text ?? '';
+  if (cell.reason) made.append(element('span', {'class': 'swatch', 'style': `background: var(--reason-${cell.reason})`, 'aria-hidden': 'true'}));
   if (text !== '') made.append(cell.strong ? element('strong', {}, text) : element('span', {class: 'value'}, text));
   if (cell.detail) made.append(element('span', {class: 'detail'}, cell.detail));
   return made;
@@ -98,6 +105,18 @@ function groupRow(columns: Column[]): HTMLElement | null {
 const columnText = (column: Column): (HTMLElement | string)[] =>
   [column.name ?? '', ...(column.unit ? [element('span', {class: 'unit'}, column.unit)] : [])];
 
+/** A row that steers the view in three dimensions can be reached and pressed by keys. */
+function rowElement(row: Row, columns: Column[]): HTMLElement {
+  const steers = row.view && hasScene();
+  const css = [stateOf(row.state), steers ? 'selectable' : ''].filter(Boolean).join(' ');
+  const made = element('tr', {class: css || undefined, tabindex: steers ? '0' : undefined},
+      ...columns.map((column, i) => cellElement(cellOf(row, i), column)));
+  if (row.view?.scan !== undefined) made.dataset.scan = String(row.view.scan + 1);
+  if (row.view?.unmeasured_region !== undefined) made.dataset.region = String(row.view.unmeasured_region);
+  if (row.view?.feature !== undefined) made.dataset.feature = String(row.view.feature);
+  return made;
+}
+
 export function tableElement(table: Table): HTMLElement {
   const columns = table.columns ?? [], all = table.rows ?? [];
   const sortable = all.length >= FEWEST_ROWS_TO_SORT;
@@ -105,12 +124,8 @@ export function tableElement(table: Table): HTMLElement {
   const body = element('tbody');
   const heads: HTMLElement[] = [];
 
-  const fill = (): void => {
-    body.replaceChildren(...rows.map((row) => {
-      const state = row.state?.replace('REPORT_STATE_', '').toLowerCase();
-      return element('tr', {class: state}, ...columns.map((column, i) => cellElement(cellOf(row, i), column)));
-    }));
-  };
+  const elements = new Map(all.map((row) => [row, rowElement(row, columns)]));
+  const fill = (): void => body.replaceChildren(...rows.map((row) => elements.get(row) as HTMLElement));
   const sortBy = (index: number): void => {
     // Numbers start with the largest; a third press brings the given order back.
     const first = !isWords(columns[index]);

@@ -6,22 +6,23 @@
 
 #include <cmath>
 #include <limits>
-#include <nlohmann/json.hpp>
-#include <regex>
 #include <span>
 #include <string>
 #include <vector>
 
-#include "absl/strings/escaping.h"
-#include "absl/strings/str_cat.h"
+#include "core/json/strict_json.h"
+#include "planner_client/report/document/report_page.h"
 #include "planner_client/report/plan/report.h"
 #include "planner_client/report/uncertainty/inadmissible.h"
+#include "tests/planner_client/report/report_reading.h"
 #include "tests/planner_client/report/uncertainty/sample_uncertainty.h"
+#include "tests/planner_client/report/unpacked_numbers.h"
 #include "tests/planner_client/report/well_formed.h"
 
 namespace sightline {
 namespace {
 
+using ::testing::_;
 using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -29,43 +30,37 @@ using ::testing::Not;
 
 constexpr char kHostile[] = "<script>alert('x')</script>&\"";
 
-std::string Render(const ReportData& data) {
-  const auto html = RenderReport(data);
-  EXPECT_TRUE(html.ok()) << html.status();
-  return html.value_or("");
+v1::Report Made(const ReportData& data) {
+  const auto report = PlanReport(data);
+  EXPECT_TRUE(report.ok()) << report.status();
+  if (!report.ok()) return {};
+  EXPECT_EQ(ReportFault(*report), "");
+  return *report;
 }
 
-// Without embedded script and data: what a reader sees.
-std::string Visible(const ReportData& data) {
-  const std::string html = Render(data);
-  const size_t begin = html.find("<body>");
-  return html.substr(begin, html.find("<script") - begin);
+v1::SceneUncertainty SceneOf(const ReportData& data) {
+  return SectionOf(Made(data), "view").sections(0).blocks(0).scene().uncertainty();
 }
 
-nlohmann::json ViewerData(const std::string& html) {
-  const std::string mark = "id=\"viewer-data\">";
-  const size_t begin = html.find(mark) + mark.size();
-  return nlohmann::json::parse(html.substr(begin, html.find("</script>", begin) - begin));
+std::vector<double> LengthsOf(const v1::SceneLengths& packed) {
+  std::vector<double> lengths_m;
+  for (const uint16_t code : UnpackNumbers<uint16_t>(packed.codes())) {
+    lengths_m.push_back(code == 0
+                            ? 0
+                            : packed.lowest_m() * std::pow(packed.highest_m() / packed.lowest_m(),
+                                                           (code - 1) / 65534.0));
+  }
+  return lengths_m;
 }
 
-template <class T>
-std::vector<T> Decode(const nlohmann::json& text) {
-  std::string bytes;
-  EXPECT_TRUE(absl::Base64Unescape(text.get<std::string>(), &bytes));
-  std::vector<T> values(bytes.size() / sizeof(T));
-  std::memcpy(values.data(), bytes.data(), values.size() * sizeof(T));
-  return values;
-}
-
-// Codes of the page's script: 0 or a length in steps of equal ratio.
-double Length(uint16_t code, const nlohmann::json& uncertainty) {
-  const double low = uncertainty["lowest_m"], high = uncertainty["highest_m"];
-  return code == 0 ? 0 : low * std::pow(high / low, (code - 1) / 65534.0);
-}
-
-std::string OwnSections(const ReportData& data) {
-  return absl::StrCat("<html>", UncertaintyCurveSection(data.plan), FeatureSection(data.plan, true),
-                      InadmissibleSection(*data.uncertainty, data.measurable), "</html>");
+// The blocks as a report of one section.
+v1::Report ReportOf(const ReportBlocks& blocks) {
+  v1::Report report;
+  report.set_title("blocks");
+  report.set_kind("plan");
+  AddSection(&report, "blocks", "Blocks", blocks);
+  EXPECT_EQ(ReportFault(report), "");
+  return report;
 }
 
 TEST(TargetUncertainty, ClassesIncludeTheirLimits) {
@@ -103,77 +98,85 @@ TEST(UncertaintyReport, LengthsAreShownInMicrometresOrMillimetres) {
 }
 
 TEST(UncertaintyReport, SaysHowMuchIsKnownAlsoOnFreshTargets) {
-  ReportData data = SampleUncertaintyPlan();
-  const std::string html = Visible(data);
+  const v1::Report report = Made(SampleUncertaintyPlan());
+  const std::string finding = FindingOf(report);
   // 19 of 89 toleranced targets.
-  EXPECT_THAT(html,
-              HasSubstr("<strong>2 scans make 21.3\u202f%</strong> of the toleranced surface"));
-  EXPECT_THAT(html, HasSubstr("short of the goal of 80\u202f%: further scans would have added"));
-  EXPECT_THAT(html,
-              HasSubstr("On 1\u202f234 targets that the search has not seen it is 20.0\u202f%"));
-  EXPECT_THAT(html, HasSubstr("3 of 5 tolerances can be proven"));
-  EXPECT_THAT(html, HasSubstr("<dt>within 1\u202fmm</dt>"));
-  // The coverage is told too, without the goal of plans for coverage.
-  EXPECT_THAT(html, HasSubstr("The scans measure 79.8\u202f%"));
-  EXPECT_THAT(html, Not(HasSubstr("95\u202f%")));
+  EXPECT_THAT(
+      finding,
+      AllOf(HasSubstr("2 scans make 21.3\u202f% of the toleranced surface"),
+            HasSubstr("short of the goal of 80\u202f%: further scans would have added"),
+            HasSubstr("On 1\u202f234 targets that the search has not seen it is 20.0\u202f%"),
+            HasSubstr("3 of 5 tolerances can be proven"),
+            // The coverage is told too, without the goal of plans for coverage.
+            HasSubstr("The scans measure 79.8\u202f%"), Not(HasSubstr("95\u202f%"))));
+  EXPECT_EQ(report.figures(3).name(), "within 1\u202fmm");
 }
 
 TEST(UncertaintyReport, FindingNamesBoundOnlyWhenConverged) {
   ReportData data = SampleUncertaintyPlan();
   v1::PlanUncertainty& uncertainty = *data.plan.mutable_uncertainty();
   uncertainty.mutable_bound()->set_scans(2.2);
-  EXPECT_THAT(Visible(data), HasSubstr("not proven to be a bound"));
+  EXPECT_THAT(FindingOf(Made(data)), HasSubstr("not proven to be a bound"));
   uncertainty.mutable_bound()->set_converged(true);
-  EXPECT_THAT(Visible(data), HasSubstr("a plan for 80\u202f% needs at least 3 scans"));
+  EXPECT_THAT(FindingOf(Made(data)), HasSubstr("a plan for 80\u202f% needs at least 3 scans"));
   uncertainty.mutable_bound()->set_scans(1.5);
   uncertainty.set_goal(0.2);
-  EXPECT_THAT(Visible(data),
+  EXPECT_THAT(FindingOf(Made(data)),
               HasSubstr("a plan for 20\u202f% needs at least 2 scans: no fewer than"));
 }
 
 TEST(UncertaintyReport, FeaturesThatCannotBeProvenComeFirst) {
-  const std::string html = FeatureSection(SampleUncertaintyPlan().plan, true);
+  const v1::Plan plan = SampleUncertaintyPlan().plan;
+  const v1::ReportTable table = TablesOf(ReportOf(FeatureBlocks(plan, true))).at(0);
   // Excess over the admissible uncertainty: infinite, 71/50; then 24/25, 60/75, 10/25.
-  size_t at = 0;
-  for (const char* name : {"pocket", "bore", "edge", "rail", "top"}) {
-    const size_t found = html.find(absl::StrCat("<strong>", name, "</strong>"));
-    ASSERT_NE(found, std::string::npos) << name;
-    EXPECT_GT(found, at) << name;
-    at = found;
-  }
+  std::vector<std::string> names;
+  for (const v1::ReportRow& row : table.rows()) names.push_back(row.cells(0).text());
+  EXPECT_THAT(names, ElementsAre("pocket", "bore", "edge", "rail", "top"));
   // Rows point to the plan's order, not to the table's.
-  EXPECT_THAT(html, HasSubstr("data-feature=\"3\"><td class=\"words\"><strong>pocket"));
-  EXPECT_THAT(html, HasSubstr("u exceeds the admissible 50 um"));
-  EXPECT_THAT(html, HasSubstr(">71.0</td><td>42.6</td><td>0</td><td>56.8</td><td>50.0<"));
-  EXPECT_THAT(html, HasSubstr("empty"));
-  EXPECT_THAT(FeatureSection(SampleUncertaintyPlan().plan, false), Not(HasSubstr("data-feature")));
-  EXPECT_EQ(FeatureSection(v1::Plan(), true), "");
+  EXPECT_EQ(table.rows(0).view().feature(), 3);
+  EXPECT_EQ(CellOf(table, "pocket", "acceptance").text(), "empty");
+  const v1::ReportCell verdict = CellOf(table, "bore", "verdict");
+  EXPECT_THAT(verdict.detail(), HasSubstr("u exceeds the admissible 50 um"));
+  EXPECT_EQ(verdict.state(), v1::REPORT_STATE_BAD);
+  EXPECT_EQ(CellOf(table, "bore", "u").text(), "71.0");
+  EXPECT_EQ(CellOf(table, "bore", "noise").text(), "42.6");
+  EXPECT_EQ(CellOf(table, "bore", "sampling").text(), "0");
+  EXPECT_EQ(CellOf(table, "bore", "calibration").text(), "56.8");
+  EXPECT_EQ(CellOf(table, "bore", "admissible").text(), "50.0");
+  const v1::ReportTable fixed = TablesOf(ReportOf(FeatureBlocks(plan, false))).at(0);
+  EXPECT_FALSE(fixed.rows(0).has_view());
+  EXPECT_TRUE(FeatureBlocks(v1::Plan(), true).empty());
 }
 
 TEST(UncertaintyReport, CountsWhyTargetsAreNotAdmissible) {
   const ReportData data = SampleUncertaintyPlan();
-  const std::string html = OwnSections(data);
-  EXPECT_THAT(html, HasSubstr("70 of 89 toleranced targets"));
+  const v1::Report report = ReportOf(InadmissibleBlocks(*data.uncertainty, data.measurable));
+  EXPECT_THAT(TextOf(report), HasSubstr("70 of 89 toleranced targets"));
+  const v1::ReportTable table = TablesOf(report).at(0);
   const auto row = [&](const std::string& begin) {
-    const size_t at = html.find("<td class=\"words\">" + begin);
-    return html.substr(at, html.find("</tr>", at) - at);
+    std::vector<std::string> texts;
+    for (const v1::ReportRow& candidate : table.rows()) {
+      if (!candidate.cells(0).text().starts_with(begin)) continue;
+      for (int i = 1; i < 6; ++i) texts.push_back(candidate.cells(i).text());
+      break;
+    }
+    return texts;
   };
   // Targets, share, only relaxed, not reached, u over the admissible.
   EXPECT_THAT(row("not measured by any scan"),
-              HasSubstr("<td>20</td><td>22.5\u202f%</td><td>0</td><td>20</td><td>200.00</td>"));
-  EXPECT_THAT(row("noise: fewer points"),
-              HasSubstr("<td>10</td><td>11.2\u202f%</td><td>10</td><td>0</td><td>1.20</td>"));
+              ElementsAre("20", "22.5\u202f%", "0", "20", "200.00"));
+  EXPECT_THAT(row("noise: fewer points"), ElementsAre("10", "11.2\u202f%", "10", "0", "1.20"));
   EXPECT_THAT(row("noise: points less certain"),
-              HasSubstr("<td>10</td><td>11.2\u202f%</td><td>10</td><td>0</td><td>1.20</td>"));
-  EXPECT_THAT(row("sampling"), HasSubstr("<td>10</td><td>11.2\u202f%</td><td>0</td><td>10</td>"));
-  EXPECT_THAT(row("calibration"),
-              HasSubstr("<td>20</td><td>22.5\u202f%</td><td>20</td><td>0</td><td>2.00</td>"));
+              ElementsAre("10", "11.2\u202f%", "10", "0", "1.20"));
+  EXPECT_THAT(row("sampling"), ElementsAre("10", "11.2\u202f%", "0", "10", _));
+  EXPECT_THAT(row("calibration"), ElementsAre("20", "22.5\u202f%", "20", "0", "2.00"));
 
   TargetUncertainties free = *data.uncertainty;
   free.admissible_m.assign(100, 0);
-  EXPECT_THAT(InadmissibleSection(free, data.measurable), HasSubstr("No tolerance binds"));
+  EXPECT_THAT(TextOf(ReportOf(InadmissibleBlocks(free, data.measurable))),
+              HasSubstr("No tolerance binds"));
   free.admissible_m.assign(100, 1);
-  EXPECT_THAT(InadmissibleSection(free, data.measurable),
+  EXPECT_THAT(TextOf(ReportOf(InadmissibleBlocks(free, data.measurable))),
               HasSubstr("every toleranced target is admissible"));
 }
 
@@ -220,53 +223,30 @@ TEST(UncertaintyLimits, NoiseIsComparedWithWhatIsKnown) {
                           v1::UNCERTAINTY_LIMIT_UNSPECIFIED, v1::UNCERTAINTY_LIMIT_NOISE));
 }
 
-TEST(UncertaintyReport, BarsStandOnEachOtherAndShowTheLastScan) {
-  ReportData data = SampleUncertaintyPlan();
-  while (data.plan.scans_size() < 101) *data.plan.add_scans() = data.plan.scans(1);
-  const std::string html = UncertaintyCurveSection(data.plan);
-  const std::regex bar(
-      "after scan ([0-9]+): [^\\n]*class=\"admissible\" x=\"[0-9.]+\" y=\"([0-9.]+)\" "
-      "width=\"[0-9.]+\" height=\"([0-9.]+)\"/><rect class=\"relaxed\" x=\"[0-9.]+\" "
-      "y=\"([0-9.]+)\" width=\"[0-9.]+\" height=\"([0-9.]+)\"");
-  int bars = 0, last = 0;
-  for (auto it = std::sregex_iterator(html.begin(), html.end(), bar); it != std::sregex_iterator();
-       ++it, ++bars) {
-    last = std::stoi((*it)[1]);
-    if (last == 1) continue;
-    const double low_y = std::stod((*it)[2]), low = std::stod((*it)[3]);
-    const double high_y = std::stod((*it)[4]), high = std::stod((*it)[5]);
-    EXPECT_NEAR(high_y + high, low_y, 0.11);
-    // 19 admissible and 40 more relaxed targets of 89.
-    EXPECT_NEAR(high / low, 40.0 / 19, 0.02);
-  }
-  EXPECT_LE(bars, 24);
-  EXPECT_GE(bars, 12);
-  EXPECT_EQ(last, 101);
-}
-
 TEST(UncertaintyReport, CurveHasBothLinesAndTheFreshValue) {
-  const std::string html = UncertaintyCurveSection(SampleUncertaintyPlan().plan);
-  EXPECT_THAT(html, HasSubstr("admissible 21.3"));
-  EXPECT_THAT(html, HasSubstr("relaxed 66.3"));
-  EXPECT_THAT(html, HasSubstr("on targets that the search has not seen: 20.00 %"));
-  EXPECT_THAT(html, HasSubstr("goal 80 %"));
+  const v1::ReportChart chart =
+      ChartsOf(ReportOf(UncertaintyCurveBlocks(SampleUncertaintyPlan().plan))).at(0);
+  ASSERT_EQ(chart.series_size(), 4);
+  EXPECT_NEAR(chart.series(1).y(1), 100 * 59.0 / 89, 1e-9);  // relaxed
+  EXPECT_NEAR(chart.series(2).y(1), 100 * 19.0 / 89, 1e-9);  // admissible
+  EXPECT_TRUE(chart.series(2).of_scans());
+  EXPECT_NEAR(chart.series(3).y(0), 20, 1e-9);
+  EXPECT_EQ(chart.lines(0).name(), "goal 80\u202f%");
   v1::Plan plan;
   plan.mutable_uncertainty()->set_goal(0.5);
-  EXPECT_EQ(MarkupFault(absl::StrCat("<html>", UncertaintyCurveSection(plan), "</html>")), "");
+  ReportOf(UncertaintyCurveBlocks(plan));
 }
 
-TEST(UncertaintyReport, SectionsAreWellFormedWhateverThePlanSays) {
+TEST(UncertaintyReport, SectionsHoldWhateverThePlanSays) {
   ReportData data = SampleUncertaintyPlan();
-  EXPECT_EQ(MarkupFault(OwnSections(data)), "");
   SetAllTexts(&data.plan, kHostile);
-  EXPECT_EQ(MarkupFault(OwnSections(data)), "");
-  EXPECT_THAT(Render(data), Not(HasSubstr("<script>alert")));
+  EXPECT_THAT(ReportPage(Made(data), "report.json"), Not(HasSubstr("<script>alert")));
   for (const double value : kOddNumbers) {
     v1::PlanUncertainty& uncertainty = *data.plan.mutable_uncertainty();
-    for (v1::FeatureVerdict& feature : *uncertainty.mutable_features())
+    for (v1::FeatureVerdict& feature : *uncertainty.mutable_features()) {
       SetAllNumbers(&feature, value);
-    EXPECT_EQ(MarkupFault(absl::StrCat("<html>", FeatureSection(data.plan, true), "</html>")), "")
-        << value;
+    }
+    ReportOf(FeatureBlocks(data.plan, true));
   }
 }
 
@@ -274,63 +254,66 @@ TEST(UncertaintyReport, PlansForCoverageShowNothingOfIt) {
   ReportData data = SampleUncertaintyPlan();
   data.plan.clear_uncertainty();
   data.uncertainty.reset();
-  const std::string html = Visible(data);
-  for (const char* id : {"id=\"uncertainty\"", "id=\"features\"", "id=\"inadmissible\""})
-    EXPECT_THAT(html, Not(HasSubstr(id)));
-  EXPECT_FALSE(ViewerData(Render(data)).contains("uncertainty"));
-  EXPECT_THAT(html, HasSubstr("2 scans measure 79.8\u202f%"));
-  EXPECT_THAT(html, Not(HasSubstr("has not seen")));
+  const v1::Report report = Made(data);
+  for (const char* id : {"uncertainty", "features", "inadmissible"}) {
+    EXPECT_EQ(SectionOf(report, id).sections_size(), 0) << id;
+  }
+  EXPECT_FALSE(report.sections(0).blocks(0).scene().has_uncertainty());
+  EXPECT_THAT(FindingOf(report),
+              AllOf(HasSubstr("2 scans measure 79.8\u202f%"), Not(HasSubstr("has not seen"))));
   data.plan.mutable_coverage()->set_fresh_coverage(0.777);
   data.plan.mutable_coverage()->set_fresh_measurable_targets(4321);
-  EXPECT_THAT(Visible(data),
+  EXPECT_THAT(FindingOf(Made(data)),
               HasSubstr("On 4\u202f321 targets that the search has not seen it is 77.7\u202f%"));
 }
 
-TEST(UncertaintyReport, ViewerGetsLengthsToAFewHundredthsOfAPercent) {
+TEST(UncertaintyReport, SceneHasLengthsToAFewHundredthsOfAPercent) {
   const ReportData data = SampleUncertaintyPlan();
-  const nlohmann::json json = ViewerData(Render(data))["uncertainty"];
-  for (const auto& [name, expected] : {std::pair{"total", &data.uncertainty->total_m},
-                                       std::pair{"noise", &data.uncertainty->noise_m},
-                                       std::pair{"sampling", &data.uncertainty->sampling_m},
-                                       std::pair{"calibration", &data.uncertainty->calibration_m},
-                                       std::pair{"admissible", &data.uncertainty->admissible_m}}) {
-    const std::vector<uint16_t> codes = Decode<uint16_t>(json[name]);
-    ASSERT_EQ(codes.size(), 100u);
-    for (size_t i = 0; i < codes.size(); ++i)
-      EXPECT_NEAR(Length(codes[i], json), (*expected)[i], 2e-4 * (*expected)[i]) << name << i;
+  const v1::SceneUncertainty scene = SceneOf(data);
+  for (const auto& [packed, expected] :
+       {std::pair{&scene.total(), &data.uncertainty->total_m},
+        std::pair{&scene.noise(), &data.uncertainty->noise_m},
+        std::pair{&scene.sampling(), &data.uncertainty->sampling_m},
+        std::pair{&scene.calibration(), &data.uncertainty->calibration_m},
+        std::pair{&scene.admissible(), &data.uncertainty->admissible_m}}) {
+    const std::vector<double> lengths_m = LengthsOf(*packed);
+    ASSERT_EQ(lengths_m.size(), 100U);
+    for (size_t i = 0; i < lengths_m.size(); ++i) {
+      EXPECT_NEAR(lengths_m[i], (*expected)[i], 2e-4 * (*expected)[i]) << i;
+    }
   }
-  const std::vector<uint8_t> classes = Decode<uint8_t>(json["classes"]);
-  ASSERT_EQ(classes.size(), 100u);
+  const std::vector<uint8_t> classes = UnpackNumbers<uint8_t>(scene.classes());
+  ASSERT_EQ(classes.size(), 100U);
   for (size_t i = 0; i < classes.size(); ++i) {
     EXPECT_EQ(classes[i],
               static_cast<uint8_t>(ClassOfTarget(*data.uncertainty, data.measurable, i)));
   }
-  ASSERT_EQ(json["features"].size(), 5u);
-  EXPECT_EQ(Decode<uint32_t>(json["features"][2]["targets"]), (std::vector<uint32_t>{20, 25}));
+  ASSERT_EQ(scene.features_size(), 5);
+  EXPECT_THAT(UnpackNumbers<uint32_t>(scene.features(2).targets()), ElementsAre(20, 25));
 }
 
-TEST(UncertaintyReport, ViewerGetsTheMeasuredPointNearestToEachCoveredTarget) {
+TEST(UncertaintyReport, SceneHasTheMeasuredPointNearestToEachCoveredTarget) {
   const ReportData data = SampleUncertaintyPlan();
-  const nlohmann::json json = ViewerData(Render(data))["uncertainty"];
-  ASSERT_EQ(json["sensitivities"].size(), 2u);
-  EXPECT_TRUE(json["sensitivities"][1].is_null());
-  const std::vector<uint16_t> detection = Decode<uint16_t>(json["sensitivities"][0]["detection"]);
+  const v1::SceneUncertainty scene = SceneOf(data);
+  ASSERT_EQ(scene.sensitivities_size(), 2);
+  EXPECT_FALSE(scene.sensitivities(1).has_detection());
+  const std::vector<double> detection_m = LengthsOf(scene.sensitivities(0).detection());
   for (size_t i = 0; i < 100; ++i) {
     const double expected =
         data.scans[0].covered.Test(i) ? 1e-6 * (100.0 + static_cast<double>(i)) : 0;
-    EXPECT_NEAR(Length(detection[i], json), expected, 2e-4 * expected) << i;
+    EXPECT_NEAR(detection_m.at(i), expected, 2e-4 * expected) << i;
   }
 }
 
 TEST(UncertaintyReport, SameDataSameBytes) {
-  EXPECT_EQ(Render(SampleUncertaintyPlan()), Render(SampleUncertaintyPlan()));
+  EXPECT_EQ(ToJson(Made(SampleUncertaintyPlan())), ToJson(Made(SampleUncertaintyPlan())));
 }
 
 TEST(UncertaintyReport, RefusesUncertaintiesThatDoNotFit) {
   const auto message = [](const ReportData& data) {
-    const auto html = RenderReport(data);
-    EXPECT_EQ(html.status().code(), absl::StatusCode::kInvalidArgument);
-    return std::string(html.status().message());
+    const auto report = PlanReport(data);
+    EXPECT_EQ(report.status().code(), absl::StatusCode::kInvalidArgument);
+    return std::string(report.status().message());
   };
   ReportData data = SampleUncertaintyPlan();
   data.uncertainty->sampling_m.pop_back();
@@ -373,20 +356,19 @@ TEST(UncertaintyReport, WhatIsNotEvaluatedHasNoFigures) {
   bare.set_verdict(v1::FeatureVerdict::NOT_EVALUATED);
   bare.set_because("not evaluated: its datum H binds no face");
   pocket = bare;
-  EXPECT_THAT(UncertaintyFinding(plan, ""),
+  EXPECT_THAT(UncertaintyFinding(plan, "").at(1).text(),
               HasSubstr("3 of 5 tolerances can be proven; 1 not evaluated."));
-  const std::string html = FeatureSection(plan, false);
-  const size_t row = html.find("pocket"), end = html.find("</tr>", row);
-  ASSERT_NE(row, std::string::npos);
   // It comes first, and of its figures only the zone is known.
-  EXPECT_LT(row, html.find("bore"));
-  const std::string cells = html.substr(row, end - row);
-  EXPECT_THAT(cells, AllOf(HasSubstr("not evaluated"), HasSubstr("its datum H binds no face"),
-                           Not(HasSubstr("cannot be proven")), Not(HasSubstr("<td>0"))));
-  size_t unknown = 0;
-  for (size_t at = cells.find("\u2013"); at != std::string::npos; at = cells.find("\u2013", at + 1))
-    ++unknown;
-  EXPECT_EQ(unknown, 10u);
+  const v1::ReportRow row = TablesOf(ReportOf(FeatureBlocks(plan, false))).at(0).rows(0);
+  EXPECT_EQ(row.cells(0).text(), "pocket");
+  EXPECT_EQ(row.cells(1).text(), "not evaluated");
+  EXPECT_EQ(row.cells(1).state(), v1::REPORT_STATE_UNSPECIFIED);
+  EXPECT_EQ(row.cells(1).detail(), "its datum H binds no face");
+  EXPECT_EQ(row.cells(2).text(), "0.05");
+  for (int i = 3; i < row.cells_size(); ++i) {
+    EXPECT_EQ(row.cells(i).text(), "\u2013") << i;
+    EXPECT_FALSE(row.cells(i).has_number()) << i;
+  }
   const std::string lines = SummariseVerdicts(plan.uncertainty());
   EXPECT_THAT(lines, HasSubstr("tolerances: 3 of 5 tolerances can be proven; 1 not evaluated."));
   EXPECT_THAT(lines, HasSubstr("  pocket (cylindricity 0.05 mm) not evaluated: its datum H"));

@@ -58,7 +58,9 @@ function drawDots(plot: Plot, {series, x, y}: Points): void {
   const r = series.mark === 'RINGS' ? 7 : x.length > 60 ? 1.8 : 3.2;
   x.forEach((value, i) => {
     if (!shows(plot, value, y[i])) return;
-    plot.svg.append(drawn('circle', {class: `${css} ${colourClass(series)}`, cx: plot.x.at(value), cy: plot.y.at(y[i]), r}));
+    const dot = drawn('circle', {class: `${css} ${colourClass(series)}`, cx: plot.x.at(value), cy: plot.y.at(y[i]), r});
+    if (series.of_scans) dot.dataset.scan = String(i + 1);
+    plot.svg.append(dot);
   });
 }
 

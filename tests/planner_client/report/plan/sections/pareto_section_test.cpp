@@ -4,11 +4,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "tests/planner_client/report/well_formed.h"
+#include "tests/planner_client/report/report_reading.h"
 
 namespace sightline {
 namespace {
 
+using ::testing::AllOf;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
@@ -37,56 +39,60 @@ v1::ParetoFront Front() {
   return front;
 }
 
-TEST(ParetoSection, ShowsEveryPointTheChosenOneAndDominatedPlans) {
-  const std::string svg = ParetoChartSvg(Front());
-  EXPECT_EQ(CountOf(svg, "class=\"dot model\""), 3u);
-  EXPECT_EQ(CountOf(svg, "class=\"ring null\""), 1u);
-  EXPECT_EQ(CountOf(svg, "class=\"dot faint\""), 1u);
-  EXPECT_EQ(CountOf(svg, "class=\"mark\""), 1u);  // the goal
-  EXPECT_THAT(svg, HasSubstr("point 2: 2 scans, 24.0 s, 96.00 %"));
-  EXPECT_THAT(svg, HasSubstr("time to execute, s"));
-  for (const char* label : {">1</text>", ">2</text>", ">3</text>"})
-    EXPECT_THAT(svg, HasSubstr(label));
+v1::Report ReportOf(const v1::ParetoFront& front) {
+  v1::Report report;
+  report.set_title("front");
+  report.set_kind("plan");
+  AddSection(&report, "pareto", "Front", ParetoBlocks(front));
+  EXPECT_EQ(ReportFault(report), "");
+  return report;
 }
 
-TEST(ParetoSection, IsWellFormedAndListsThePoints) {
-  const std::string html = ParetoSection(Front());
-  EXPECT_EQ(MarkupFault("<html>" + html + "</html>"), "");
-  EXPECT_THAT(html, HasSubstr("this plan"));
-  EXPECT_THAT(html, HasSubstr("<strong>96.00</strong>"));
-  EXPECT_THAT(html, HasSubstr("--pick"));
-  EXPECT_THAT(html, Not(HasSubstr("not finished")));
+TEST(ParetoSection, ShowsEveryPointTheChosenOneAndDominatedPlans) {
+  const v1::ReportChart chart = ParetoChart(Front());
+  EXPECT_EQ(PointsOf(chart, v1::REPORT_COLOUR_MODEL, v1::ReportSeries::DOTS), 3);
+  EXPECT_EQ(PointsOf(chart, v1::REPORT_COLOUR_REFERENCE, v1::ReportSeries::RINGS), 1);
+  EXPECT_EQ(PointsOf(chart, v1::REPORT_COLOUR_FAINT, v1::ReportSeries::DOTS), 1);
+  ASSERT_EQ(chart.lines_size(), 1);
+  EXPECT_DOUBLE_EQ(chart.lines(0).at(), 95);  // the goal
+  EXPECT_EQ(chart.x().title(), "time to execute");
+  EXPECT_EQ(chart.x().unit(), "s");
+  // The stair rises to 40, 70 and 96 % at 10, 20 and 24 s.
+  const v1::ReportSeries& stair = chart.series(0);
+  EXPECT_THAT(stair.x(), ElementsAre(10, 20, 20, 24, 24));
+  EXPECT_THAT(stair.y(), ElementsAre(40, 40, 70, 70, 96));
+}
+
+TEST(ParetoSection, ListsThePoints) {
+  const v1::Report report = ReportOf(Front());
+  const v1::ReportTable table = FirstTableOf(report, "pareto");
+  EXPECT_EQ(CellOf(table, "2", "measured").text(), "96.00");
+  EXPECT_TRUE(CellOf(table, "2", "measured").strong());
+  EXPECT_EQ(CellOf(table, "2", "time").number(), 24);
+  EXPECT_THAT(CellOf(table, "2", "remark").text(), HasSubstr("this plan"));
+  EXPECT_THAT(TextOf(report), AllOf(HasSubstr("--pick"), Not(HasSubstr("not finished")),
+                                    HasSubstr("point 2: 2 scans, 24.0 s, 96.00 %")));
 }
 
 TEST(ParetoSection, WithoutCostsSaysThatThereIsNoTime) {
   v1::ParetoFront front = Front();
   front.clear_costs();
-  const std::string html = ParetoSection(front);
-  EXPECT_THAT(html, HasSubstr("each scan costs 1"));
-  EXPECT_THAT(html, Not(HasSubstr("repositioning")));
-  EXPECT_THAT(ParetoChartSvg(front), Not(HasSubstr("time to execute")));
+  EXPECT_THAT(TextOf(ReportOf(front)),
+              AllOf(HasSubstr("each scan costs 1"), Not(HasSubstr("repositioning")),
+                    Not(HasSubstr("time to execute"))));
 }
 
 TEST(ParetoSection, SaysWhenTheFrontIsNotFinished) {
   v1::ParetoFront front = Front();
   front.set_stop_reason(v1::Plan::STOP_REASON_INTERRUPTED);
-  EXPECT_THAT(ParetoSection(front), HasSubstr("not finished: it was interrupted"));
+  EXPECT_THAT(TextOf(ReportOf(front)), HasSubstr("not finished: it was interrupted"));
 }
 
-TEST(ParetoSection, ThePictureIsAFileOfItsOwn) {
-  const std::string svg = ParetoSvgFile(Front());
-  EXPECT_EQ(svg.rfind("<?xml", 0), 0u);
-  EXPECT_THAT(svg, HasSubstr("<svg xmlns=\"http://www.w3.org/2000/svg\""));
-  EXPECT_EQ(CountOf(svg, "<svg"), 1u);
-  EXPECT_THAT(svg, HasSubstr("--paper"));
-  EXPECT_EQ(ParetoSvgFile(Front()), svg);
-}
-
-TEST(ParetoSection, AFrontOfOnePointAndEqualTimesCanBeDrawn) {
+TEST(ParetoSection, AFrontOfOnePointHasNoDominatedSeries) {
   v1::ParetoFront front = Front();
   front.mutable_points()->DeleteSubrange(1, 2);
   front.clear_dominated();
-  EXPECT_EQ(MarkupFault("<html>" + ParetoSection(front) + "</html>"), "");
+  EXPECT_EQ(ChartsOf(ReportOf(front)).at(0).series_size(), 2);
 }
 
 }  // namespace
