@@ -14,13 +14,14 @@
 #include "render_worker/calibration/inspection_change.h"
 #include "render_worker/diagnosis/finding/calibrated_set.h"
 #include "render_worker/diagnosis/finding/describe_fit.h"
+#include "render_worker/diagnosis/finding/describe_term.h"
 #include "render_worker/diagnosis/finding/explanations.h"
 #include "render_worker/diagnosis/finding/finding_text.h"
 #include "render_worker/diagnosis/finding/pictures.h"
 #include "render_worker/diagnosis/finding/residual_law.h"
-#include "render_worker/diagnosis/free_form/free_form.h"
 #include "render_worker/diagnosis/selection/compare_models.h"
 #include "render_worker/diagnosis/selection/next_recording.h"
+#include "render_worker/effects/discrepancy/free_form.h"
 
 namespace sightline {
 
@@ -94,20 +95,21 @@ void AddPictures(const SetModel& model, const ModelComparison& comparison, const
   }
 }
 
-// The curve of a model-discrepancy term, which leads.
-void AddFreeForm(const Hypothesis& best, v1::Diagnosis* diagnosis) {
-  const ActiveEffect& term = best.effects.back();
-  *diagnosis->mutable_free_form() =
-      DescribeFreeForm(*term.effect, term.parameters, CoefficientCovariance(best));
+// The curves of the model-discrepancy terms of the answer.
+void AddFreeForms(const Hypothesis& best, v1::Diagnosis* diagnosis) {
+  for (size_t e = 0; e < best.effects.size(); ++e) {
+    const ActiveEffect& term = best.effects[e];
+    if (!IsFreeForm(*term.effect)) continue;
+    v1::FreeFormTerm* described = diagnosis->has_free_form() ? diagnosis->add_further_free_forms()
+                                                             : diagnosis->mutable_free_form();
+    *described = DescribeFreeForm(*term.effect, term.parameters, CoefficientCovariance(best, e));
+  }
   if (diagnosis->laws_size() > 0) diagnosis->mutable_free_form()->set_law(diagnosis->laws(0).law());
-  diagnosis->add_warnings(
-      "The model-discrepancy term is not among the calibrated effects: renderers do not know it.");
 }
 
 // The description with the fitted values, the effects, and how an inspection expresses these.
 void AddCalibration(const RecordingSet& nominal, const Hypothesis& best, v1::Diagnosis* diagnosis) {
   *diagnosis->mutable_calibrated() = RecordingsToProto(CalibratedSet(nominal, best.fit));
-  if (IsFreeForm(best)) return;
   for (const ActiveEffect& active : best.effects) {
     const EffectDescription& description = active.effect->description();
     v1::Effect* effect = diagnosis->add_calibrated_effects();
@@ -116,7 +118,11 @@ void AddCalibration(const RecordingSet& nominal, const Hypothesis& best, v1::Dia
       (*effect->mutable_parameters())[std::string(description.parameters[k].name)] =
           active.parameters[k];
     }
-    AddInspectionChanges(active, nominal, diagnosis);
+    if (IsFreeForm(*active.effect)) {
+      AddWithoutField(std::string(description.id), diagnosis);
+    } else {
+      AddInspectionChanges(active, nominal, diagnosis);
+    }
   }
 }
 
@@ -161,7 +167,7 @@ v1::Diagnosis DescribeFinished(const SetModel& model, const ModelComparison& com
       *diagnosis.add_next_recordings() = std::move(next);
     }
   }
-  if (IsFreeForm(best)) AddFreeForm(best, &diagnosis);
+  if (IsFreeForm(best)) AddFreeForms(best, &diagnosis);
   AddCalibration(set.description, best, &diagnosis);
   WarnOfMisfit(best.fit, &diagnosis);
   diagnosis.set_finding(FindingText(best, diagnosis));

@@ -2,12 +2,14 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <span>
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "core/json/strict_json.h"
 #include "core/spelling/nearest_name.h"
 #include "core/text/number_text.h"
+#include "render_worker/effects/discrepancy/free_form.h"
 #include "render_worker/effects/effect.h"
 #include "render_worker/effects/vocabulary.h"
 
@@ -38,6 +40,7 @@ const Effect* FindEffect(std::string_view id) {
 absl::StatusOr<ActiveEffect> MakeActiveEffect(std::string_view id,
                                               const std::vector<NamedValue>& parameters) {
   const Effect* effect = FindEffect(id);
+  if (effect == nullptr) effect = FindFreeFormTerm(id);
   if (effect == nullptr) {
     std::vector<std::string> ids;
     for (const Effect* known : Registry()) ids.emplace_back(known->description().id);
@@ -79,14 +82,16 @@ absl::StatusOr<ActiveEffect> MakeActiveEffect(std::string_view id,
 
 absl::Status OrderEffects(std::vector<ActiveEffect>* effects) {
   std::vector<ActiveEffect> ordered;
-  for (const Effect* effect : AllEffects()) {
-    const size_t before = ordered.size();
-    for (ActiveEffect& active : *effects) {
-      if (active.effect == effect) ordered.push_back(std::move(active));
-    }
-    if (ordered.size() > before + 1) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("effect ", std::string(effect->description().id), " is given twice"));
+  for (const std::span<const Effect* const> known : {AllEffects(), FreeFormTerms()}) {
+    for (const Effect* effect : known) {
+      const size_t before = ordered.size();
+      for (ActiveEffect& active : *effects) {
+        if (active.effect == effect) ordered.push_back(std::move(active));
+      }
+      if (ordered.size() > before + 1) {
+        return absl::InvalidArgumentError(
+            absl::StrCat("effect ", std::string(effect->description().id), " is given twice"));
+      }
     }
   }
   *effects = std::move(ordered);

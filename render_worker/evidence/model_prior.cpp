@@ -14,11 +14,13 @@ double LogPriorOfNamed(const ModelCounts& counts, int effects) {
          (effects - 1) * std::log(kPriorOfOneMore / choices);
 }
 
-double LogPriorOfDiscrepancy(const ModelCounts& counts, bool beside_named_effect) {
+double LogPriorOfDiscrepancy(const ModelCounts& counts, bool beside_named_effect, int terms) {
   const double share = beside_named_effect ? kPriorOfNearKnown * counts.stages / counts.effects
                                            : 1 - kPriorOfNearKnown;
-  return std::log((1 - kPriorOfNoEffect) * kPriorOfUnknown * share /
-                  std::max(1, counts.discrepancy_terms));
+  const double choices = std::max(1, counts.discrepancy_terms);
+  return std::log((1 - kPriorOfNoEffect) * kPriorOfUnknown * share / choices) +
+         (terms - 1) *
+             std::log(kPriorOfOneMore * counts.stages / std::max<double>(counts.stages, choices));
 }
 
 }  // namespace sightline

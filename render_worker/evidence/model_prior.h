@@ -24,7 +24,8 @@ struct ModelCounts {
 double LogPriorOfNoEffect();
 // The same of one model of `effects` >= 1 named effects.
 double LogPriorOfNamed(const ModelCounts& counts, int effects);
-// The same of one model with a discrepancy term, by itself or beside a named effect.
-double LogPriorOfDiscrepancy(const ModelCounts& counts, bool beside_named_effect);
+// The same of one model with `terms` >= 1 discrepancy terms of one stage, by themselves or beside a
+// named effect.
+double LogPriorOfDiscrepancy(const ModelCounts& counts, bool beside_named_effect, int terms = 1);
 
 }  // namespace sightline

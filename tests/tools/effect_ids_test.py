@@ -2,7 +2,7 @@
 """Effects describe themselves: their ids stand in render_worker/effects and nowhere else in the sources.
 
 The vocabulary is that of docs/effects.json, which effect_catalogue_is_fresh compares with the registry.
-The ids of the diagnosis's model-discrepancy terms stand in render_worker/diagnosis/free_form only.
+The ids of the diagnosis's model-discrepancy terms stand in render_worker/effects/discrepancy only.
 """
 
 import json
@@ -15,7 +15,7 @@ import unittest
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 SOURCES = ("core", "coverage_server", "planner_client", "planning_service", "proto", "render_worker", "rpc_server",
            "tools")
-HOMES = ("render_worker/effects", "render_worker/diagnosis/free_form")
+HOMES = ("render_worker/effects", "render_worker/effects/discrepancy")
 SUFFIXES = (".cpp", ".h", ".proto", ".py", ".sh", ".js", ".mjs", ".html", ".txt", ".cmake", "")
 
 
@@ -23,7 +23,7 @@ def known_ids(root):
     """Ids of all effects and of all model-discrepancy terms."""
     vocabulary = json.loads((root / "docs/effects.json").read_text(encoding="utf-8"))
     ids = [effect["effect"] for effect in vocabulary["effects"]]
-    for path in sorted((root / "render_worker/diagnosis/free_form").glob("*.cpp")):
+    for path in sorted((root / "render_worker/effects/discrepancy").glob("*.cpp")):
         ids += re.findall(r'\.id = "(unknown\.[a-z0-9_]+)"', path.read_text(encoding="utf-8"))
     return ids
 

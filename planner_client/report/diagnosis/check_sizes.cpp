@@ -18,6 +18,18 @@ absl::Status SizeError(const std::string& field, int size, int expected, const c
       absl::StrFormat("report: %s has size %d, must be %d (%s)", field, size, expected, what));
 }
 
+absl::Status CheckTerm(const std::string& name, const v1::FreeFormTerm& term) {
+  if (term.abscissa_values_size() != term.values_size()) {
+    return SizeError(absl::StrCat(name, ".abscissa_values"), term.abscissa_values_size(),
+                     term.values_size(), "size of values");
+  }
+  if (!term.standard_errors().empty() && term.standard_errors_size() != term.values_size()) {
+    return SizeError(absl::StrCat(name, ".standard_errors"), term.standard_errors_size(),
+                     term.values_size(), "size of values");
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::Status CheckSizes(const v1::Diagnosis& diagnosis) {
@@ -75,14 +87,13 @@ absl::Status CheckSizes(const v1::Diagnosis& diagnosis) {
       }
     }
   }
-  const v1::FreeFormTerm& term = diagnosis.free_form();
-  if (term.abscissa_values_size() != term.values_size()) {
-    return SizeError("free_form.abscissa_values", term.abscissa_values_size(), term.values_size(),
-                     "size of values");
+  if (const absl::Status status = CheckTerm("free_form", diagnosis.free_form()); !status.ok()) {
+    return status;
   }
-  if (!term.standard_errors().empty() && term.standard_errors_size() != term.values_size()) {
-    return SizeError("free_form.standard_errors", term.standard_errors_size(), term.values_size(),
-                     "size of values");
+  for (int k = 0; k < diagnosis.further_free_forms_size(); ++k) {
+    const absl::Status status =
+        CheckTerm(absl::StrFormat("further_free_forms[%d]", k), diagnosis.further_free_forms(k));
+    if (!status.ok()) return status;
   }
   return absl::OkStatus();
 }

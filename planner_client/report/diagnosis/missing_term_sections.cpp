@@ -142,9 +142,9 @@ ReportBlocks LawBlocks(const DiagnosisView& view) {
                      rows)};
 }
 
-ReportBlocks FreeFormBlocks(const DiagnosisView& view) {
-  if (!view.diagnosis.has_free_form()) return {};
-  const v1::FreeFormTerm& term = view.diagnosis.free_form();
+namespace {
+
+ReportBlocks TermBlocks(const v1::FreeFormTerm& term) {
   std::vector<v1::ReportRun> runs = {PlainRun("A term")};
   if (!term.term().empty()) {
     runs.push_back(PlainRun(" of the kind "));
@@ -157,6 +157,17 @@ ReportBlocks FreeFormBlocks(const DiagnosisView& view) {
   if (term.values().empty()) return blocks;
   blocks.push_back(absl::StartsWith(term.abscissa(), kCoefficients) ? CoefficientTable(term)
                                                                     : FreeFormChart(term));
+  return blocks;
+}
+
+}  // namespace
+
+ReportBlocks FreeFormBlocks(const DiagnosisView& view) {
+  if (!view.diagnosis.has_free_form()) return {};
+  ReportBlocks blocks = TermBlocks(view.diagnosis.free_form());
+  for (const v1::FreeFormTerm& term : view.diagnosis.further_free_forms()) {
+    for (v1::ReportBlock& block : TermBlocks(term)) blocks.push_back(std::move(block));
+  }
   return blocks;
 }
 

@@ -12,10 +12,10 @@
 #include "absl/strings/str_format.h"
 #include "render_worker/diagnosis/fit/fit_quality.h"
 #include "render_worker/diagnosis/fit/model_error.h"
-#include "render_worker/diagnosis/free_form/free_form.h"
 #include "render_worker/diagnosis/random_effect/compare_random_effects.h"
 #include "render_worker/diagnosis/selection/stages/stages.h"
 #include "render_worker/diagnosis/selection/thresholds.h"
+#include "render_worker/effects/discrepancy/free_form.h"
 #include "render_worker/evidence/answer_text.h"
 #include "render_worker/evidence/evidence.h"
 #include "render_worker/evidence/judgement.h"
@@ -187,18 +187,21 @@ v1::FittedEffect DescribeEffect(const SetModel& model, const Hypothesis& hypothe
   return fitted;
 }
 
-Eigen::MatrixXd CoefficientCovariance(const Hypothesis& hypothesis) {
-  const ActiveEffect& term = hypothesis.effects.back();
+Eigen::MatrixXd CoefficientCovariance(const Hypothesis& hypothesis, size_t index) {
+  const ActiveEffect& term = hypothesis.effects[index];
   const auto coefficients = static_cast<Eigen::Index>(term.parameters.size());
   const auto free = static_cast<Eigen::Index>(hypothesis.free.size());
   const FitResult& fit = hypothesis.fit;
   if (HasRandomLaw(*term.effect)) {
     // The fit holds the realised values of the random effect, not the parameters of its
     // distribution.
-    return Eigen::Map<const Eigen::VectorXd>(fit.effect_standard_errors.data(), free)
-        .tail(coefficients)
-        .cwiseAbs2()
-        .asDiagonal();
+    Eigen::VectorXd variances = Eigen::VectorXd::Zero(coefficients);
+    for (Eigen::Index f = 0; f < free; ++f) {
+      const auto [effect, parameter] = hypothesis.free[static_cast<size_t>(f)];
+      const double error = fit.effect_standard_errors[static_cast<size_t>(f)];
+      if (hypothesis.effects[effect].effect == term.effect) variances[parameter] = error * error;
+    }
+    return variances.asDiagonal();
   }
   // Free forms are linear.
   Eigen::MatrixXd slopes = Eigen::MatrixXd::Zero(coefficients, free);

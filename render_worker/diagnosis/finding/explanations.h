@@ -13,9 +13,9 @@ namespace sightline {
 // Effect `index` of a hypothesis with its parameters and their 95 % intervals.
 v1::FittedEffect DescribeEffect(const SetModel& model, const Hypothesis& hypothesis, size_t index);
 
-// Covariance of the coefficients of a hypothesis's model-discrepancy term (its last effect), in
+// Covariance of the coefficients of effect `index` of a hypothesis, a model-discrepancy term, in
 // their units; those that are not needed are known.
-Eigen::MatrixXd CoefficientCovariance(const Hypothesis& hypothesis);
+Eigen::MatrixXd CoefficientCovariance(const Hypothesis& hypothesis, size_t index);
 
 // Adds `ranked`, `same_class` and `remainder`. Explanations with the same leading effect are one,
 // as the most probable of them has it.

@@ -38,6 +38,7 @@ StageResult AddBesideBest(const Context& context, std::vector<Hypothesis> hypoth
   StageResult found = AddRandomEffectsBeside(context, std::move(hypotheses));
   if (!found.stopped) found = AddSecondEffect(context, std::move(found.hypotheses));
   if (!found.stopped) found = AddTermsBeside(context, std::move(found.hypotheses));
+  if (!found.stopped) found = AddStageDiscrepancies(context, std::move(found.hypotheses));
   if (found.stopped) return found;
   return {DropCoefficients(context, std::move(found.hypotheses))};
 }

@@ -7,10 +7,10 @@
 #include <utility>
 
 #include "absl/status/status.h"
-#include "render_worker/diagnosis/free_form/free_form.h"
 #include "render_worker/diagnosis/random_effect/compare_random_effects.h"
 #include "render_worker/diagnosis/selection/term_selection.h"
 #include "render_worker/diagnosis/selection/thresholds.h"
+#include "render_worker/effects/discrepancy/free_form.h"
 
 namespace sightline {
 

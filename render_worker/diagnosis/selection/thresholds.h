@@ -99,6 +99,12 @@ inline constexpr int kSelected = 4;
 // Terms are not fitted again if they stay farther than this behind the best hypothesis [nats].
 // Chosen: a probability of e^-(15 kEvidenceWeight) = 6e-6 changes no answer.
 inline constexpr double kSelectedBehind_nats = 15;
+// Coefficients of a discrepancy of one stage, and such discrepancies that are fitted. Chosen: by
+// time; ten numbers describe a smooth function of two variables.
+inline constexpr size_t kStageCoefficients = 10;
+inline constexpr size_t kStageFits = 4;
+// Fraction of the comparison that is reported as done meanwhile.
+inline constexpr double kStageDiscrepancyDone = 0.99;
 // Stages that are said at most, and standard errors of the transfer score within which two stages
 // are alike. Derived: the two-sided 95 % interval of a normal distribution. Chosen: two, since a
 // third says too little.

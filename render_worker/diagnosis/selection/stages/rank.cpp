@@ -16,8 +16,11 @@ double LogModelPrior(const HypothesisCounts& counts, const Hypothesis& hypothesi
   const ModelCounts models = {.effects = counts.effects, .discrepancy_terms = counts.free_forms};
   const int effects = static_cast<int>(hypothesis.effects.size());
   if (effects == 0) return LogPriorOfNoEffect();
-  return IsFreeForm(hypothesis) ? LogPriorOfDiscrepancy(models, effects > 1)
-                                : LogPriorOfNamed(models, effects);
+  const auto terms =
+      std::count_if(hypothesis.effects.begin(), hypothesis.effects.end(),
+                    [](const ActiveEffect& active) { return IsFreeForm(*active.effect); });
+  if (terms == 0) return LogPriorOfNamed(models, effects);
+  return LogPriorOfDiscrepancy(models, effects > terms, static_cast<int>(terms));
 }
 
 }  // namespace

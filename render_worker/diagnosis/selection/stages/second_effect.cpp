@@ -13,21 +13,6 @@
 namespace sightline {
 namespace {
 
-// The single named effect of largest evidence that is no random effect; null: there is none.
-const Hypothesis* BestSingle(const std::vector<Hypothesis>& hypotheses) {
-  const auto best = std::find_if(hypotheses.begin(), hypotheses.end(), [](const auto& h) {
-    return h.effects.size() == 1 && !IsFreeForm(h) && !IsRandomEffect(h);
-  });
-  return best == hypotheses.end() ? nullptr : &*best;
-}
-
-// True if the named model of largest evidence does not predict; false if there is none.
-bool NamedIsRejected(const Context& context, const std::vector<Hypothesis>& hypotheses) {
-  const auto named = std::find_if(hypotheses.begin(), hypotheses.end(),
-                                  [](const Hypothesis& h) { return !IsFreeForm(h); });
-  return named != hypotheses.end() && CheckHypothesis(context, *named).p_value < kRejectedBelow;
-}
-
 // Puts `pair` in the place of a fit of the same effects that has less evidence, or at the end.
 void Merge(Hypothesis pair, std::vector<Hypothesis>* hypotheses) {
   const auto known = std::find_if(hypotheses->begin(), hypotheses->end(), [&](const auto& h) {
@@ -43,6 +28,19 @@ void Merge(Hypothesis pair, std::vector<Hypothesis>* hypotheses) {
 }
 
 }  // namespace
+
+const Hypothesis* BestSingle(const std::vector<Hypothesis>& hypotheses) {
+  const auto best = std::find_if(hypotheses.begin(), hypotheses.end(), [](const auto& h) {
+    return h.effects.size() == 1 && !IsFreeForm(h) && !IsRandomEffect(h);
+  });
+  return best == hypotheses.end() ? nullptr : &*best;
+}
+
+bool NamedIsRejected(const Context& context, const std::vector<Hypothesis>& hypotheses) {
+  const auto named = std::find_if(hypotheses.begin(), hypotheses.end(),
+                                  [](const Hypothesis& h) { return !IsFreeForm(h); });
+  return named == hypotheses.end() || CheckHypothesis(context, *named).p_value < kRejectedBelow;
+}
 
 StageResult AddSecondEffect(const Context& context, std::vector<Hypothesis> hypotheses) {
   const Hypothesis* best = BestSingle(hypotheses);

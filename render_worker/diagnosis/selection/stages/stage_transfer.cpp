@@ -4,8 +4,8 @@
 #include <utility>
 #include <vector>
 
-#include "render_worker/diagnosis/random_effect/compare_random_effects.h"
 #include "render_worker/diagnosis/selection/stages/stages.h"
+#include "render_worker/diagnosis/selection/stages/term_columns.h"
 #include "render_worker/diagnosis/selection/thresholds.h"
 #include "render_worker/diagnosis/transfer/setting_split.h"
 #include "render_worker/diagnosis/transfer/transfer_score.h"
@@ -13,16 +13,10 @@
 namespace sightline {
 namespace {
 
-constexpr Stage kStages[] = {Stage::kIllumination, Stage::kSurface, Stage::kOptics,
-                             Stage::kGeometry,     Stage::kSensor,  Stage::kTime};
-
-// Change of the null model's expectation by `active`, divided by `unit`.
-BlockVectors ChangeBy(const Context& context, ActiveEffect active, double unit) {
-  SetParameters parameters = context.null.parameters;
-  parameters.effects = {std::move(active)};
-  BlockVectors change = context.model.Expect(parameters, false).mean;
-  for (size_t e = 0; e < change.size(); ++e) change[e] = (change[e] - context.null.mean[e]) / unit;
-  return change;
+// Change from the null model's expectation to `mean`, divided by `unit`.
+BlockVectors Change(const Context& context, BlockVectors mean, double unit) {
+  for (size_t e = 0; e < mean.size(); ++e) mean[e] = (mean[e] - context.null.mean[e]) / unit;
+  return mean;
 }
 
 bool IsFinite(const BlockVectors& change) {
@@ -34,23 +28,17 @@ bool IsFinite(const BlockVectors& change) {
 // vocabulary that screening found worth a fit, at their best shapes.
 DiscrepancyColumns ColumnsOf(const Context& context, Stage stage) {
   DiscrepancyColumns columns;
-  const auto add = [&](ActiveEffect active, double unit) {
-    BlockVectors change = ChangeBy(context, std::move(active), unit);
-    if (IsFinite(change)) columns.push_back(std::move(change));
-  };
-  for (const Effect* term : context.settings.free_forms) {
-    if (term->description().stage != stage || HasRandomLaw(*term)) continue;
-    const std::vector<EffectParameter>& parameters = term->description().parameters;
-    for (size_t i = 0; i < parameters.size(); ++i) {
-      ActiveEffect active = AtNullValues(*term);
-      active.parameters[i] = ParameterFromStandardised(parameters[i], thresholds::kTermProbe);
-      add(std::move(active), thresholds::kTermProbe);
-    }
+  for (TermColumn& column : TermColumnsOf(context, context.null.parameters, stage)) {
+    columns.push_back(Change(context, std::move(column.mean), thresholds::kTermProbe));
   }
   for (const ScreenedEffect& screened : context.screened) {
     const Effect& effect = *screened.strongest.effect;
     if (effect.description().stage != stage || IsFreeForm(effect)) continue;
-    if (screened.gain > thresholds::kWorthAFit_nats) add(screened.strongest, 1);
+    if (screened.gain <= thresholds::kWorthAFit_nats) continue;
+    SetParameters parameters = context.null.parameters;
+    parameters.effects = {screened.strongest};
+    BlockVectors change = Change(context, context.model.Expect(parameters, false).mean, 1);
+    if (IsFinite(change)) columns.push_back(std::move(change));
   }
   return columns;
 }

@@ -71,6 +71,12 @@ StageResult AddRandomEffectsBeside(const Context& context, std::vector<Hypothesi
 // effect might seem to explain the rest: observation blocks about speckle are left out.
 StageResult AddEffectsBesideVibration(const Context& context, std::vector<Hypothesis> hypotheses);
 
+// The single named effect of largest evidence that is no random effect; null: there is none.
+// `hypotheses` must be sorted by evidence.
+const Hypothesis* BestSingle(const std::vector<Hypothesis>& hypotheses);
+// True if predictions reject the named model of largest evidence, or if there is none.
+bool NamedIsRejected(const Context& context, const std::vector<Hypothesis>& hypotheses);
+
 // Only if the null model is rejected and predictions reject the best named model: looks for a
 // second effect in what the best single one leaves, under the covariance of all hypotheses, and
 // fits both together. FitPairs does so earlier under the null model's covariance, which strong
@@ -81,6 +87,13 @@ StageResult AddSecondEffect(const Context& context, std::vector<Hypothesis> hypo
 // the truth needs such a term, the true one does not. Terms of the effect's own stage, and of all
 // stages if predictions reject the best hypothesis. Sorted.
 StageResult AddTermsBeside(const Context& context, std::vector<Hypothesis> hypotheses);
+
+// Only if the null model is rejected and predictions reject the best named model: adds, for every
+// stage, a discrepancy of several of its terms, by itself and beside the best single effect. Their
+// coefficients are added one by one while the evidence of the linearised model grows by more than
+// the prior of the choice costs (forward selection; MacKay, Bayesian Interpolation, Neural
+// Computation 4 (1992) 415). The best kStageFits of these are fitted. Sorted.
+StageResult AddStageDiscrepancies(const Context& context, std::vector<Hypothesis> hypotheses);
 
 // Fits the leading model-discrepancy terms with only those coefficients that raise the evidence.
 // Sorted.

@@ -95,14 +95,12 @@ std::optional<Hypothesis> WithFewerCoefficients(const Context& context,
 }  // namespace
 
 StageResult AddTermsBeside(const Context& context, std::vector<Hypothesis> hypotheses) {
-  const auto leading = std::find_if(hypotheses.begin(), hypotheses.end(), [](const auto& h) {
-    return h.effects.size() == 1 && !IsFreeForm(h) && !IsRandomEffect(h);
-  });
-  if (leading == hypotheses.end() || leading->log_evidence < thresholds::kPromising_nats) {
+  const Hypothesis* leading = BestSingle(hypotheses);
+  if (leading == nullptr || leading->log_evidence < thresholds::kPromising_nats) {
     return {std::move(hypotheses)};
   }
   const bool rejected = CheckHypothesis(context, hypotheses.front()).p_value < kRejectedBelow;
-  if (!rejected && leading != hypotheses.begin()) return {std::move(hypotheses)};
+  if (!rejected && leading != hypotheses.data()) return {std::move(hypotheses)};
   const Hypothesis best = *leading;
   const LinearFit linear(best.fit);
   for (const Effect* term : context.settings.free_forms) {
@@ -123,7 +121,9 @@ std::vector<Hypothesis> DropCoefficients(const Context& context,
   const double least = hypotheses.front().log_evidence - thresholds::kSelectedBehind_nats;
   int selected = 0;
   for (Hypothesis& hypothesis : hypotheses) {
-    if (!IsFreeForm(hypothesis) || IsRandomEffect(hypothesis)) continue;
+    const auto terms = std::count_if(hypothesis.effects.begin(), hypothesis.effects.end(),
+                                     [](const auto& active) { return IsFreeForm(*active.effect); });
+    if (terms != 1 || IsRandomEffect(hypothesis)) continue;
     std::optional<Hypothesis> simpler = WithFewerCoefficients(context, hypothesis, least);
     if (!simpler) continue;
     if (simpler->log_evidence > hypothesis.log_evidence) hypothesis = *std::move(simpler);

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "render_worker/diagnosis/finding/finding_text.h"
-#include "render_worker/diagnosis/free_form/free_form.h"
+#include "render_worker/effects/discrepancy/free_form.h"
 #include "tests/render_worker/diagnosis/rendered_set.h"
 
 namespace sightline {

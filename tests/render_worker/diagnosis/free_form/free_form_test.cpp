@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Model-discrepancy terms: nothing at null, light conserved, the same in the renderer and in the
 // expectation, and laws of no vocabulary approximated.
-#include "render_worker/diagnosis/free_form/free_form.h"
+#include "render_worker/effects/discrepancy/free_form.h"
 
 #include <gtest/gtest.h>
 
@@ -16,6 +16,7 @@
 #include <string>
 
 #include "render_worker/diagnosis/expectation/expected_frame.h"
+#include "render_worker/diagnosis/finding/describe_term.h"
 #include "render_worker/diagnosis/random_effect/compare_random_effects.h"
 #include "render_worker/effects/described_effect.h"
 #include "render_worker/effects/vocabulary.h"

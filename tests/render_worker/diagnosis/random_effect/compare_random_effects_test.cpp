@@ -16,11 +16,11 @@
 
 #include "render_worker/diagnosis/finding/pictures.h"
 #include "render_worker/diagnosis/fit/fit_quality.h"
-#include "render_worker/diagnosis/free_form/free_form.h"
 #include "render_worker/diagnosis/random_effect/law/random_effect.h"
 #include "render_worker/diagnosis/random_effect/realisation.h"
 #include "render_worker/diagnosis/selection/compare_models.h"
 #include "render_worker/effects/described_effect.h"
+#include "render_worker/effects/discrepancy/free_form.h"
 #include "render_worker/image_chain/form_image.h"
 #include "render_worker/recordings/plate_frames.h"
 #include "tests/render_worker/diagnosis/rendered_set.h"

@@ -15,8 +15,8 @@
 #include "render_worker/diagnosis/diagnose.h"
 #include "render_worker/diagnosis/fit/model_error.h"
 #include "render_worker/diagnosis/fit/power.h"
-#include "render_worker/diagnosis/free_form/free_form.h"
 #include "render_worker/effects/described_effect.h"
+#include "render_worker/effects/discrepancy/free_form.h"
 #include "tests/render_worker/diagnosis/rendered_set.h"
 
 namespace sightline {

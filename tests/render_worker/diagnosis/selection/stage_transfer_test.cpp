@@ -6,8 +6,8 @@
 #include <functional>
 #include <vector>
 
-#include "render_worker/diagnosis/free_form/free_form.h"
 #include "render_worker/diagnosis/selection/stages/stages.h"
+#include "render_worker/effects/discrepancy/free_form.h"
 #include "tests/render_worker/diagnosis/rendered_set.h"
 
 namespace sightline {

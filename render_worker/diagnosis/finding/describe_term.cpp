@@ -1,48 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render_worker/diagnosis/free_form/free_form.h"
+#include "render_worker/diagnosis/finding/describe_term.h"
 
+#include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <string>
+#include <utility>
 #include <vector>
 
-#include "render_worker/diagnosis/free_form/free_form_effect.h"
+#include "render_worker/effects/discrepancy/free_form_effect.h"
+#include "render_worker/effects/stage_name.h"
 
 namespace sightline {
-namespace {
-
-const std::vector<const FreeFormEffect*>& Terms() {
-  static const std::vector<const FreeFormEffect*> terms = [] {
-    std::vector<const FreeFormEffect*> all;
-    for (const std::vector<const FreeFormEffect*>& of_stage :
-         {IlluminationTerms(), SurfaceTerms(), OpticsTerms(), GeometryTerms(), SensorTerms(),
-          ReadoutTerms(), TimeTerms()}) {
-      all.insert(all.end(), of_stage.begin(), of_stage.end());
-    }
-    return all;
-  }();
-  return terms;
-}
-
-}  // namespace
-
-std::span<const Effect* const> FreeFormTerms() {
-  static const std::vector<const Effect*> effects(Terms().begin(), Terms().end());
-  return effects;
-}
-
-const Effect* FindFreeFormTerm(std::string_view id) {
-  for (const Effect* term : FreeFormTerms()) {
-    if (term->description().id == id) return term;
-  }
-  return nullptr;
-}
 
 v1::FreeFormTerm DescribeFreeForm(const Effect& term, std::span<const double> coefficients,
                                   const Eigen::MatrixXd& covariance) {
-  const FreeFormEffect* found = nullptr;
-  for (const FreeFormEffect* known : Terms()) {
-    if (known == &term) found = known;
-  }
+  const auto* found = dynamic_cast<const FreeFormEffect*>(&term);
   assert(found != nullptr);
   const auto& parameters = found->description().parameters;
   assert(coefficients.size() == parameters.size());

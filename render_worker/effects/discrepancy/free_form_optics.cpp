@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "render_worker/diagnosis/free_form/free_form_effect.h"
+#include "render_worker/effects/discrepancy/free_form_effect.h"
 
 namespace sightline {
 namespace {

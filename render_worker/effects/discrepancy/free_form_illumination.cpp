@@ -6,7 +6,7 @@
 #include <numbers>
 
 #include "core/physics/constants.h"
-#include "render_worker/diagnosis/free_form/free_form_effect.h"
+#include "render_worker/effects/discrepancy/free_form_effect.h"
 #include "render_worker/effects/illumination/ambient_radiance.h"
 
 namespace sightline {

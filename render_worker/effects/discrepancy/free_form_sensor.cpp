@@ -4,7 +4,7 @@
 #include <array>
 #include <cmath>
 
-#include "render_worker/diagnosis/free_form/free_form_effect.h"
+#include "render_worker/effects/discrepancy/free_form_effect.h"
 
 namespace sightline {
 namespace {
