@@ -21,7 +21,7 @@ std::string RemainderText(const v1::Diagnosis& diagnosis);
 struct TermOverName {
   double more_evidence = 0;        // [nats]
   double more_held_out_score = 0;  // [nats]
-  double share_left = 0;           // by the named model, of the null model's excess, in [0, 1]
+  double share_left = 0;           // by the named model (ShareLeft), in [0, 1]
 };
 
 // The first condition of Judge (judgement.h, rule b) that the model with the term fails, for

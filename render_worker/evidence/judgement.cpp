@@ -67,8 +67,14 @@ std::vector<bool> Predicting(const std::vector<ComparedModel>& models) {
   return predicting;
 }
 
-double ShareLeft(const ComparedModel& model, const ComparedModel& none) {
+double ShareLeft(const ComparedModel& model, const ComparedModel& none,
+                 const ComparedModel* discrepancy) {
   if (model.kind == ModelKind::kNoEffect) return 1;
+  if (discrepancy != nullptr && discrepancy->held_out_score > none.held_out_score) {
+    return std::clamp((discrepancy->held_out_score - model.held_out_score) /
+                          (discrepancy->held_out_score - none.held_out_score),
+                      0.0, 1.0);
+  }
   if (!(none.held_out_excess > 0)) return 0;
   return std::clamp(model.held_out_excess / none.held_out_excess, 0.0, 1.0);
 }
@@ -81,8 +87,9 @@ Judgement Judge(const std::vector<ComparedModel>& models, double best_named_p_va
   Judgement judgement;
   judgement.best_named = BestNamed(models);
   const ComparedModel& named = models[judgement.best_named];
-  const double share_left = ShareLeft(named, models[IndexOfNone(models)]);
   const int discrepancy = MostProbable(models, IsDiscrepancy);
+  const double share_left = ShareLeft(named, models[IndexOfNone(models)],
+                                      discrepancy >= 0 ? &models[discrepancy] : nullptr);
 
   judgement.probability.assign(models.size(), 0);
   ShareOut(

@@ -13,7 +13,7 @@ namespace sightline {
 inline constexpr double kClearGain_nats = 3;
 // A model is rejected by its predictions below this p-value.
 inline constexpr double kRejectedBelow = 0.01;
-// The share of the null model's excess that a named model may leave and still be the answer.
+// The share of the difference (ShareLeft) that a named model may leave and still be the answer.
 // Chosen: on sets of an independent simulator true names leave 0 to 2 %.
 inline constexpr double kShareNamesMayLeave = 0.05;
 
@@ -38,7 +38,7 @@ struct ComparedModel {
 // The difference between recordings and null model that the answer leaves unexplained.
 struct Remainder {
   int discrepancy = -1;  // the model with a discrepancy term that describes it best; -1: none does
-  double share = 0;      // of the null model's excess, in [0, 1]
+  double share = 0;      // ShareLeft of the answer, in [0, 1]
   double probability = 0;  // that it is physics which the vocabulary lacks, in [0, 1]
 };
 
@@ -55,9 +55,13 @@ struct Judgement {
 // always is.
 std::vector<bool> Predicting(const std::vector<ComparedModel>& models);
 
-// The share of the null model's excess that a model leaves, in [0, 1]; 1 for the null itself, 0
-// where the null leaves no excess.
-double ShareLeft(const ComparedModel& model, const ComparedModel& none);
+// The share of the difference from the null model `none` that a model leaves, in [0, 1]; 1 for the
+// null itself. With a model `discrepancy` that predicts better than the null: the held-out score by
+// which `model` is behind it, over that by which the null is. That needs no assumption about the
+// chi squared of a complete model. With nullptr: the excess over that of the null, 0 where the null
+// leaves no excess.
+double ShareLeft(const ComparedModel& model, const ComparedModel& none,
+                 const ComparedModel* discrepancy);
 
 // Index of the most probable model without a discrepancy term, by evidence and prior. `models`: one
 // of kind kNoEffect among them.
@@ -68,8 +72,8 @@ int BestNamed(const std::vector<ComparedModel>& models);
 //
 // (b) A model with a discrepancy term is the answer only if it has more evidence than the best
 //     named one, predicts better by more than kClearGain_nats, and that one leaves more than
-//     kShareNamesMayLeave of the excess. If that one is rejected, unknown physics is at least as
-//     probable as ProbabilityOfUnknown says.
+//     kShareNamesMayLeave of the difference. If that one is rejected, unknown physics is at least
+//     as probable as ProbabilityOfUnknown says.
 // (c) Otherwise the best named model is the answer, and what it leaves is the remainder: there is
 //     one if a discrepancy term predicts or if the named model is rejected.
 Judgement Judge(const std::vector<ComparedModel>& models, double best_named_p_value);

@@ -90,8 +90,8 @@ std::string StageRemark(const v1::Diagnosis& diagnosis, bool transfer) {
   std::string remark = "How well a free term at one stage absorbs what is left.";
   if (!transfer) return remark;
   absl::StrAppend(&remark,
-                  " Last column: functions of the stage are fitted at half of the values of each "
-                  "setting and predict the other half.");
+                  " Last column: the best models that act at the stage are fitted at half of the "
+                  "values of each setting and predict the other half.");
   if (diagnosis.located_stages_size() > 1) {
     absl::StrAppend(&remark, " Located: ", QuantityName(diagnosis.located_stages(0)), " or ",
                     QuantityName(diagnosis.located_stages(1)), ".");

@@ -16,6 +16,7 @@
 #include "render_worker/diagnosis/selection/stages/stages.h"
 #include "render_worker/diagnosis/selection/thresholds.h"
 #include "render_worker/effects/discrepancy/free_form.h"
+#include "render_worker/effects/stage_name.h"
 #include "render_worker/evidence/answer_text.h"
 #include "render_worker/evidence/evidence.h"
 #include "render_worker/evidence/judgement.h"

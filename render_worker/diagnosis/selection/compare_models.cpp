@@ -110,7 +110,7 @@ std::optional<ModelComparison> CompareCorrected(Context context, const SetModel&
   found = AddBesideBest(again, std::move(found.hypotheses));
   if (found.stopped) return std::nullopt;
   ModelComparison result = HoldToPredictions(again, Rank(again, std::move(found.hypotheses)));
-  if (IsFreeForm(result.ranked.front())) result.transfer = TransferOfStages(again);
+  if (IsFreeForm(result.ranked.front())) result.transfer = TransferOfStages(again, result.ranked);
   return Finish(std::move(again), std::move(result));
 }
 
@@ -181,7 +181,7 @@ ModelComparison CompareModels(const SetModel& model, const FitResult& null,
   }
 
   // 8. Locate unknown physics, and find what these recordings cannot tell apart.
-  if (IsFreeForm(result.ranked.front())) result.transfer = TransferOfStages(context);
+  if (IsFreeForm(result.ranked.front())) result.transfer = TransferOfStages(context, result.ranked);
   result.same_class = EquivalenceClass(context, about_null, result.ranked);
   return Finish(std::move(context), std::move(result));
 }

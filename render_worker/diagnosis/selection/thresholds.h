@@ -105,6 +105,9 @@ inline constexpr size_t kStageCoefficients = 10;
 inline constexpr size_t kStageFits = 4;
 // Fraction of the comparison that is reported as done meanwhile.
 inline constexpr double kStageDiscrepancyDone = 0.99;
+// Hypotheses of one stage whose transfer between settings is computed. Chosen: by time; more
+// evidence and better transfer go together.
+inline constexpr size_t kTransferredOfStage = 3;
 // Stages that are said at most, and standard errors of the transfer score within which two stages
 // are alike. Derived: the two-sided 95 % interval of a normal distribution. Chosen: two, since a
 // third says too little.

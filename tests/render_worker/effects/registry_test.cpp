@@ -219,5 +219,19 @@ TEST(OrderEffects, IsThatOfTheVocabularyAndRefusesRepeats) {
   EXPECT_EQ(OrderEffects(&effects).code(), absl::StatusCode::kInvalidArgument);
 }
 
+// A diagnosis writes fitted discrepancy terms among the calibrated effects, for renderers to read.
+TEST(Effects, DiscrepancyTermsAreFoundByIdAndActAfterTheVocabulary) {
+  const auto term = MakeActiveEffect("unknown.response_law", {{"exponent", 0.1}});
+  ASSERT_TRUE(term.ok()) << term.status();
+  EXPECT_EQ(FindEffect("unknown.response_law"), nullptr);
+  EXPECT_EQ(term->parameters, (std::vector<double>{0.1, 0, 0}));
+  std::vector<ActiveEffect> effects = {*term, {FindEffect("sensor.dark_current"), {20}}};
+  ASSERT_TRUE(OrderEffects(&effects).ok());
+  ASSERT_EQ(effects.size(), 2);
+  EXPECT_EQ(effects[1].effect, term->effect);
+  effects.push_back(*term);
+  EXPECT_EQ(OrderEffects(&effects).code(), absl::StatusCode::kInvalidArgument);
+}
+
 }  // namespace
 }  // namespace sightline

@@ -54,11 +54,12 @@ Choice Evaluate(const Gram& gram, std::vector<int> chosen) {
   Eigen::MatrixXd information = gram.information(chosen, chosen);
   information += Eigen::MatrixXd::Identity(n, n);
   const Eigen::LLT<Eigen::MatrixXd> factor(information);
-  Choice choice{std::move(chosen), factor.solve(gram.gradient(chosen)), 0};
+  const Eigen::VectorXd gradient = gram.gradient(chosen);
+  Choice choice{std::move(chosen), factor.solve(gradient), 0};
   const Eigen::MatrixXd covariance = factor.solve(Eigen::MatrixXd::Identity(n, n));
-  choice.log_evidence = 0.5 * (choice.standardised.dot(gram.gradient(choice.chosen)) +
-                               choice.standardised.squaredNorm()) -
-                        factor.matrixLLT().diagonal().array().log().sum();
+  choice.log_evidence =
+      0.5 * (choice.standardised.dot(gradient) + choice.standardised.squaredNorm()) -
+      factor.matrixLLT().diagonal().array().log().sum();
   for (Eigen::Index k = 0; k < n; ++k) {
     const TermColumn& column = gram.columns[static_cast<size_t>(choice.chosen[k])];
     choice.log_evidence +=
@@ -124,9 +125,11 @@ struct Candidate {
 }  // namespace
 
 StageResult AddStageDiscrepancies(const Context& context, std::vector<Hypothesis> hypotheses) {
-  if (hypotheses.empty() || !NullIsRejected(context) || !NamedIsRejected(context, hypotheses)) {
-    return {std::move(hypotheses)};
-  }
+  if (hypotheses.empty()) return {std::move(hypotheses)};
+  const bool term_leads = IsFreeForm(hypotheses.front()) &&
+                          hypotheses.front().log_evidence > thresholds::kPromising_nats;
+  const bool rejected = NullIsRejected(context) && NamedIsRejected(context, hypotheses);
+  if (!term_leads && !rejected) return {std::move(hypotheses)};
   std::vector<Hypothesis> bases(1);
   bases[0].fit = context.null;
   if (const Hypothesis* single = BestSingle(hypotheses)) bases.push_back(*single);

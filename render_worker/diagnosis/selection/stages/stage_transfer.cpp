@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <cstddef>
+#include <set>
 #include <utility>
 #include <vector>
 
+#include "render_worker/diagnosis/random_effect/compare_random_effects.h"
 #include "render_worker/diagnosis/selection/stages/stages.h"
 #include "render_worker/diagnosis/selection/stages/term_columns.h"
 #include "render_worker/diagnosis/selection/thresholds.h"
@@ -13,57 +15,70 @@
 namespace sightline {
 namespace {
 
-// Change from the null model's expectation to `mean`, divided by `unit`.
-BlockVectors Change(const Context& context, BlockVectors mean, double unit) {
-  for (size_t e = 0; e < mean.size(); ++e) mean[e] = (mean[e] - context.null.mean[e]) / unit;
-  return mean;
+TransferScore ScoreOf(const Context& context, const FitResult& fit,
+                      const std::vector<SettingSplit>& splits) {
+  return ScoreTransfer(context.model, fit, splits, {{}}).front();
 }
 
-bool IsFinite(const BlockVectors& change) {
-  return std::all_of(change.begin(), change.end(),
-                     [](const Eigen::VectorXd& block) { return block.allFinite(); });
+std::set<Stage> StagesOf(const Hypothesis& hypothesis) {
+  std::set<Stage> stages;
+  for (const ActiveEffect& active : hypothesis.effects) {
+    stages.insert(active.effect->description().stage);
+  }
+  return stages;
 }
 
-// Functions of the stage's coordinates: every coefficient of its terms, and the effects of the
-// vocabulary that screening found worth a fit, at their best shapes.
-DiscrepancyColumns ColumnsOf(const Context& context, Stage stage) {
-  DiscrepancyColumns columns;
-  for (TermColumn& column : TermColumnsOf(context, context.null.parameters, stage)) {
-    columns.push_back(Change(context, std::move(column.mean), thresholds::kTermProbe));
+// The realised values of a random effect say nothing about settings that were held out.
+bool CanPredictSettings(const Hypothesis& hypothesis) {
+  return !hypothesis.effects.empty() && hypothesis.realised.empty() &&
+         hypothesis.phases_rad.empty() &&
+         std::none_of(hypothesis.effects.begin(), hypothesis.effects.end(),
+                      [](const ActiveEffect& active) { return HasRandomLaw(*active.effect); });
+}
+
+// The hypotheses of largest evidence that act at `stage`, by themselves or with others.
+std::vector<const Hypothesis*> LeadingAt(Stage stage, const std::vector<Hypothesis>& hypotheses) {
+  std::vector<const Hypothesis*> leading;
+  for (const Hypothesis& hypothesis : hypotheses) {
+    if (CanPredictSettings(hypothesis) && StagesOf(hypothesis).contains(stage)) {
+      leading.push_back(&hypothesis);
+    }
   }
-  for (const ScreenedEffect& screened : context.screened) {
-    const Effect& effect = *screened.strongest.effect;
-    if (effect.description().stage != stage || IsFreeForm(effect)) continue;
-    if (screened.gain <= thresholds::kWorthAFit_nats) continue;
-    SetParameters parameters = context.null.parameters;
-    parameters.effects = {screened.strongest};
-    BlockVectors change = Change(context, context.model.Expect(parameters, false).mean, 1);
-    if (IsFinite(change)) columns.push_back(std::move(change));
+  std::stable_sort(leading.begin(), leading.end(), [](const Hypothesis* a, const Hypothesis* b) {
+    return a->log_evidence > b->log_evidence;
+  });
+  if (leading.size() > thresholds::kTransferredOfStage) {
+    leading.resize(thresholds::kTransferredOfStage);
   }
-  return columns;
+  return leading;
 }
 
 }  // namespace
 
-std::vector<StageTransfer> TransferOfStages(const Context& context) {
-  std::vector<DiscrepancyColumns> candidates = {{}};
-  for (const Stage stage : kStages) candidates.push_back(ColumnsOf(context, stage));
-  const std::vector<TransferScore> scores =
-      ScoreTransfer(context.model, context.null, SplitBySettings(context.model), candidates);
-  const auto best = std::max_element(
-      scores.begin() + 1, scores.end(),
-      [](const TransferScore& a, const TransferScore& b) { return a.Total() < b.Total(); });
+std::vector<StageTransfer> TransferOfStages(const Context& context,
+                                            const std::vector<Hypothesis>& hypotheses) {
+  const std::vector<SettingSplit> splits = SplitBySettings(context.model);
+  const TransferScore none = ScoreOf(context, context.null, splits);
+  std::vector<std::pair<Stage, TransferScore>> scores;
+  for (const Stage stage : kStages) {
+    TransferScore best = none;
+    for (const Hypothesis* hypothesis : LeadingAt(stage, hypotheses)) {
+      TransferScore score = ScoreOf(context, hypothesis->fit, splits);
+      if (score.Total() > best.Total()) best = std::move(score);
+    }
+    scores.emplace_back(stage, std::move(best));
+  }
+  std::stable_sort(scores.begin(), scores.end(), [](const auto& a, const auto& b) {
+    return a.second.Total() > b.second.Total();
+  });
   std::vector<StageTransfer> stages;
-  for (size_t s = 0; s < std::size(kStages); ++s) {
-    const TransferScore& score = scores[s + 1];
-    const ScoreDifference behind = Difference(*best, score);
-    stages.push_back({.stage = kStages[s],
-                      .gain = score.Total() - scores.front().Total(),
+  for (const auto& [stage, score] : scores) {
+    const ScoreDifference behind = Difference(scores.front().second, score);
+    stages.push_back({.stage = stage,
+                      .gain = score.Total() - none.Total(),
                       .behind = behind.nats,
                       .behind_standard_error = behind.standard_error});
   }
-  std::stable_sort(stages.begin(), stages.end(),
-                   [](const StageTransfer& a, const StageTransfer& b) { return a.gain > b.gain; });
   return stages;
 }
 

@@ -88,11 +88,11 @@ StageResult AddSecondEffect(const Context& context, std::vector<Hypothesis> hypo
 // stages if predictions reject the best hypothesis. Sorted.
 StageResult AddTermsBeside(const Context& context, std::vector<Hypothesis> hypotheses);
 
-// Only if the null model is rejected and predictions reject the best named model: adds, for every
-// stage, a discrepancy of several of its terms, by itself and beside the best single effect. Their
-// coefficients are added one by one while the evidence of the linearised model grows by more than
-// the prior of the choice costs (forward selection; MacKay, Bayesian Interpolation, Neural
-// Computation 4 (1992) 415). The best kStageFits of these are fitted. Sorted.
+// Only if a discrepancy term has the largest evidence, or predictions reject the best named model:
+// adds, for every stage, a discrepancy of several of its terms, by itself and beside the best
+// single effect. Their coefficients are added one by one while the evidence of the linearised model
+// grows by more than the prior of the choice costs (forward selection; MacKay, Bayesian
+// Interpolation, Neural Computation 4 (1992) 415). The best kStageFits of these are fitted. Sorted.
 StageResult AddStageDiscrepancies(const Context& context, std::vector<Hypothesis> hypotheses);
 
 // Fits the leading model-discrepancy terms with only those coefficients that raise the evidence.
@@ -127,9 +127,11 @@ std::vector<Hypothesis> Rank(const Context& context, std::vector<Hypothesis> hyp
 // `named`, both checks and the remainder.
 ModelComparison HoldToPredictions(const Context& context, std::vector<Hypothesis> ranked);
 
-// How well the functions of every stage predict the difference from the null model at settings that
-// they were not fitted to (transfer/transfer_score.h). Largest gain first.
-std::vector<StageTransfer> TransferOfStages(const Context& context);
+// How well the leading hypotheses that act at a stage predict settings that they were not fitted to
+// (transfer/transfer_score.h): the best one of each stage. All must be fitted under one covariance.
+// Largest gain first.
+std::vector<StageTransfer> TransferOfStages(const Context& context,
+                                            const std::vector<Hypothesis>& hypotheses);
 // The stage of largest gain and the next one, if that is within two standard errors; no stage that
 // predicts worse than the null model.
 std::vector<Stage> StagesByTransfer(const std::vector<StageTransfer>& transfer);

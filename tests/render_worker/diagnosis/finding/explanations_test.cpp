@@ -11,6 +11,7 @@
 
 #include "render_worker/diagnosis/finding/finding_text.h"
 #include "render_worker/effects/discrepancy/free_form.h"
+#include "render_worker/effects/stage_name.h"
 #include "tests/render_worker/diagnosis/rendered_set.h"
 
 namespace sightline {

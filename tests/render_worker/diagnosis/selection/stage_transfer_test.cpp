@@ -8,6 +8,7 @@
 
 #include "render_worker/diagnosis/selection/stages/stages.h"
 #include "render_worker/effects/discrepancy/free_form.h"
+#include "render_worker/effects/stage_name.h"
 #include "tests/render_worker/diagnosis/rendered_set.h"
 
 namespace sightline {
@@ -18,7 +19,15 @@ std::vector<StageTransfer> TransferOn(const RecordedSet& set) {
   ComparisonSettings settings;
   settings.free_forms = FreeFormTerms();
   const std::function<bool(double)> go_on = [](double) { return true; };
-  return TransferOfStages(MakeContext(model, FitNull(model), settings, go_on));
+  const Context context = MakeContext(model, FitNull(model), settings, go_on);
+  std::vector<Hypothesis> hypotheses;
+  for (const char* id : {"unknown.exposure", "unknown.response_law", "unknown.dark_signal",
+                         "unknown.halo", "unknown.beam", "unknown.reflectance"}) {
+    const Effect* term = FindFreeFormTerm(id);
+    hypotheses.push_back(
+        FitHypothesis(context, MakeHypothesis({AtNullValues(*term)}), context.null, {false, 8}));
+  }
+  return TransferOfStages(context, hypotheses);
 }
 
 TEST(TransferOfStages, LocatesADiscrepancyOfTheExposureInTime) {
