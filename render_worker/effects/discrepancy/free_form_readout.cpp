@@ -102,6 +102,39 @@ class PixelTailTerm final : public FreeFormEffect {
       "pixel tail of offsets", "pixel tail of dark currents", "pixel tail of high dark currents"};
 };
 
+// Rows are read out one after the other; the charge of one may shift the black level of those that
+// follow.
+class RowMemoryTerm final : public FreeFormEffect {
+ public:
+  RowMemoryTerm()
+      : FreeFormEffect("offset",
+                       {.id = "unknown.row_memory",
+                        .stage = Stage::kSensor,
+                        .summary = "every row gains a of its own mean, and b and c of the fading "
+                                   "means of the 8 and 64 rows before it",
+                        .reference = "EMVA 1288 R4.0 Linear, section 4 (rows read in turn)",
+                        .parameters = {Coefficient("part_of_row", 0.5, 5e-3),
+                                       Coefficient("part_of_8_rows_before", 0.5, 5e-3),
+                                       Coefficient("part_of_64_rows_before", 0.5, 5e-3)}}) {}
+
+  void OnElectrons(Image<double>& electrons, const FrameSetup&, Parameters p) const override {
+    if (IsNull(p)) return;
+    double short_memory = 0, long_memory = 0;
+    for (int i = 0; i < electrons.rows_px; ++i) {
+      double* row = electrons.Row(i);
+      double mean = 0;
+      for (int j = 0; j < electrons.columns_px; ++j) mean += row[j] / electrons.columns_px;
+      const double offset = p[0] * mean + p[1] * short_memory + p[2] * long_memory;
+      for (int j = 0; j < electrons.columns_px; ++j) row[j] += offset;
+      short_memory += (mean - short_memory) / kShort_rows;
+      long_memory += (mean - long_memory) / kLong_rows;
+    }
+  }
+
+ private:
+  static constexpr double kShort_rows = 8, kLong_rows = 64;
+};
+
 class CodesTerm final : public FreeFormEffect {
  public:
   CodesTerm()
@@ -137,8 +170,9 @@ std::vector<const FreeFormEffect*> ReadoutTerms() {
   static const PixelTailTerm pixel_tail;
   static const NoiseTerm noise;
   static const LineNoiseTerm line_noise;
+  static const RowMemoryTerm row_memory;
   static const CodesTerm codes;
-  return {&pixel_tail, &noise, &line_noise, &codes};
+  return {&pixel_tail, &noise, &line_noise, &row_memory, &codes};
 }
 
 }  // namespace sightline
