@@ -39,7 +39,7 @@ struct SetModelSettings {
 // One vector per observation block, of all statistics one after the other.
 using BlockVectors = std::vector<Eigen::VectorXd>;
 
-// What is added to every expectation of a model, and the covariance of its error, which is added to
+// The change of every expectation of a model, and the covariance of its error, which is added to
 // every covariance. One vector and one matrix per observation block.
 struct ExpectationCorrection {
   BlockVectors mean;

@@ -59,7 +59,7 @@ struct ModelComparison {
   // the predictive checks of the null model and of it.
   Hypothesis named;
   PredictiveCheck null_check, named_check;
-  // Of all stages, largest gain first. Empty: no hypothesis with a model-discrepancy term leads.
+  // Stages with the largest gain first. Empty: no hypothesis with a model-discrepancy term leads.
   std::vector<StageTransfer> transfer;
   // Unset: nothing speaks for it, or ranked.front() has a model-discrepancy term.
   std::optional<RemainderOfAnswer> remainder;

@@ -13,7 +13,7 @@
 namespace sightline {
 namespace {
 
-// What is added to the fit of dark current, which is in none of the sets.
+// The hypotheses added to the fit of dark current, which is in none of the sets.
 std::vector<Hypothesis> AddedOn(const RecordedSet& set) {
   const SetModel model(set, {});
   ComparisonSettings settings;
