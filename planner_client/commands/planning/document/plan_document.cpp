@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "planner_client/commands/planning/plan_document.h"
+#include "planner_client/commands/planning/document/plan_document.h"
 
 #include <algorithm>
 #include <chrono>
@@ -17,11 +17,11 @@
 #include "core/rig/scan_geometry.h"
 #include "core/triangulation/triangulation.h"
 #include "planner_client/command_line/process/output_folder.h"
-#include "planner_client/commands/planning/robot_outputs.h"
-#include "planner_client/commands/planning/scan_setups.h"
-#include "planner_client/commands/planning/set_up_outputs.h"
-#include "planner_client/commands/planning/uncertainty_outputs.h"
-#include "planner_client/commands/planning/uncovered_outputs.h"
+#include "planner_client/commands/planning/document/scan_setups.h"
+#include "planner_client/commands/planning/document/set_up_outputs.h"
+#include "planner_client/commands/planning/document/uncertainty_outputs.h"
+#include "planner_client/commands/planning/document/uncovered_outputs.h"
+#include "planner_client/commands/planning/session/robot_outputs.h"
 #include "planner_client/report/uncertainty/inadmissible.h"
 #include "planner_client/report/uncertainty/uncertainty_report.h"
 #include "planner_client/requirements/feature_verdicts.h"
