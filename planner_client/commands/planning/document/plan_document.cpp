@@ -17,6 +17,7 @@
 #include "core/rig/scan_geometry.h"
 #include "core/triangulation/triangulation.h"
 #include "planner_client/command_line/process/output_folder.h"
+#include "planner_client/commands/planning/document/placement_outputs.h"
 #include "planner_client/commands/planning/document/scan_setups.h"
 #include "planner_client/commands/planning/document/set_up_outputs.h"
 #include "planner_client/commands/planning/document/uncertainty_outputs.h"
@@ -489,6 +490,7 @@ std::string SummarisePlan(const v1::Plan& plan) {
     absl::StrAppendFormat(&text, "of %d validation targets: %.2f %%.\n",
                           c.fresh_measurable_targets(), 100 * c.fresh_coverage());
   }
+  text += SummarisePlacement(plan);
   if (plan.has_uncertainty()) {
     const v1::PlanUncertainty& u = plan.uncertainty();
     absl::StrAppendFormat(&text,
