@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "planner_client/placement/placement_coverage.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "core/random/random.h"
@@ -13,6 +14,11 @@ constexpr uint64_t kSeed = 57;
 constexpr double kQuantile = 0.05;
 
 }  // namespace
+
+int PlacementDrawsFor(size_t scans) {
+  constexpr size_t kEvaluations = 360;
+  return static_cast<int>(std::clamp<size_t>(kEvaluations / std::max<size_t>(1, scans), 12, 24));
+}
 
 std::vector<int64_t> CombineExecutions(const std::vector<std::vector<TargetBits>>& covered,
                                        std::span<const size_t> group_ends, int executions) {
@@ -49,14 +55,15 @@ absl::StatusOr<double> PlacementCoverage(const PlacementModel& model,
   const PlacementDraws draws(model, scans);
   std::vector<Measurement> measurements;
   std::vector<ScanDisplacement> displacements;
-  for (uint32_t d = 0; d < kPlacementDraws; ++d) {
+  const int count = PlacementDrawsFor(scans.size());
+  for (int d = 0; d < count; ++d) {
     measurements.insert(measurements.end(), scans.begin(), scans.end());
-    const std::vector<ScanDisplacement> drawn = draws.Draw(kSeed, d);
+    const std::vector<ScanDisplacement> drawn = draws.Draw(kSeed, static_cast<uint32_t>(d));
     displacements.insert(displacements.end(), drawn.begin(), drawn.end());
   }
   auto answers = evaluate(measurements, displacements);
   if (!answers.ok()) return answers.status();
-  std::vector<std::vector<TargetBits>> covered(kPlacementDraws);
+  std::vector<std::vector<TargetBits>> covered(static_cast<size_t>(count));
   for (size_t i = 0; i < answers->size(); ++i) {
     covered[i / scans.size()].push_back(std::move((*answers)[i].covered));
   }

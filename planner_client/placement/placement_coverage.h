@@ -6,6 +6,7 @@
 // executions than drawn placements follow from the same evaluations (a resampling estimate).
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <span>
@@ -19,8 +20,10 @@
 
 namespace sightline {
 
-// Drawn placements of every scan, and executions that they are combined to.
-inline constexpr int kPlacementDraws = 24;
+// Drawn placements of every scan of a plan: 24, and fewer, at least 12, where a plan has more than
+// 15 scans, since each takes an exact evaluation.
+int PlacementDrawsFor(size_t scans);
+// Executions that they are combined to.
 inline constexpr int kPlacementExecutions = 2000;
 
 // Numbers of covered targets of executions: covered[d][s] are the targets of scan s at its draw d.

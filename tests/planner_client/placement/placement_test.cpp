@@ -141,6 +141,13 @@ TEST(PlacementCoverage, IsTheTwentiethOfExecutions) {
   EXPECT_EQ(PlacementCoverage(Model(), scans, 100, evaluate).value(), 0);
 }
 
+TEST(PlacementCoverage, DrawsAreAboutAsManyEvaluationsForEveryPlan) {
+  EXPECT_EQ(PlacementDrawsFor(1), 24);
+  EXPECT_EQ(PlacementDrawsFor(15), 24);
+  EXPECT_EQ(PlacementDrawsFor(20), 18);
+  EXPECT_EQ(PlacementDrawsFor(1000), 12);
+}
+
 TEST(PlacementCoverage, PassesErrorsOn) {
   const auto refuse = [](std::span<const Measurement>, std::span<const ScanDisplacement>) {
     return absl::StatusOr<std::vector<ScanCoverage>>(absl::UnavailableError("gone"));

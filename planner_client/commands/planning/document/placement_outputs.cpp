@@ -5,13 +5,15 @@
 
 #include "absl/strings/str_format.h"
 #include "core/field_limits/field_checks.h"
+#include "planner_client/command_line/process/interrupt.h"
 #include "planner_client/placement/placement_coverage.h"
 
 namespace sightline {
 
 absl::Status AddPlacementCoverage(const PlanningSession& session, PlanDocument* document) {
   const PlacementErrors& errors = session.inspection.placement;
-  if (errors.AreZero() || session.measured != nullptr || document->scans.empty()) {
+  if (errors.AreZero() || session.measured != nullptr || document->scans.empty() ||
+      InterruptFlag()) {
     return absl::OkStatus();
   }
   std::vector<Measurement> scans;

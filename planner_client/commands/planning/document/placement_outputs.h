@@ -10,8 +10,8 @@
 
 namespace sightline {
 
-// Sets placement and coverage.placement_p5 of the plan. Plans without errors of placement, and
-// those whose first scans have been measured already, stay as they are.
+// Sets placement and coverage.placement_p5 of the plan. Plans without errors of placement, those
+// whose first scans have been measured already and interrupted ones stay as they are.
 absl::Status AddPlacementCoverage(const PlanningSession& session, PlanDocument* document);
 
 // A sentence; empty without placement_p5.
