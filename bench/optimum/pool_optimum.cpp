@@ -74,15 +74,15 @@ TriangleMesh SteppedBlock() {
   const auto n = static_cast<uint32_t>(outline.size());
   for (uint32_t i = 0; i < n; ++i) {
     const uint32_t j = (i + 1) % n;
-    mesh.triangles.push_back({i, j, n + j});
-    mesh.triangles.push_back({i, n + j, n + i});
+    mesh.triangles.push_back({i, n + j, j});
+    mesh.triangles.push_back({i, n + i, n + j});
   }
   // Three rectangles of the outline, one on the other, at either end.
   const uint32_t quads[3][4] = {{0, 1, 2, 3}, {0, 3, 4, 5}, {0, 5, 6, 7}};
   for (const auto& q : quads) {
     for (const auto& [a, b, c] : {std::array{q[0], q[2], q[1]}, std::array{q[0], q[3], q[2]}}) {
-      mesh.triangles.push_back({a, b, c});
-      mesh.triangles.push_back({n + a, n + c, n + b});
+      mesh.triangles.push_back({a, c, b});
+      mesh.triangles.push_back({n + a, n + b, n + c});
     }
   }
   return mesh;

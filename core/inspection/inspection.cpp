@@ -199,6 +199,42 @@ void SetDefaultCosts(const v1::Inspection& message, const Inspection& inspection
   }
 }
 
+// Errors of a person, and of a robot with the repeatability that its data sheet states (ISO 9283).
+constexpr double kHandPosition_m = 2e-3, kHandAngle_deg = 1;
+constexpr double kRobotPosition_m = 1e-4, kRobotAngle_deg = 0.05;
+
+// `rig` has its robot, if any, and its defaults.
+absl::StatusOr<PlacementErrors> ParsePlacement(const v1::Placement& message, const Inspection& rig,
+                                               const Checker& check) {
+  ErrorList errors;
+  const bool has_default = rig.defaults != DefaultsVersion::k0_1;
+  const auto value = [&](const char* path, bool given, double stated, bool robot, double by_robot,
+                         double by_hand, const Limits& range) {
+    if (given) errors.Add(check.Range(path, stated, range));
+    if (given) return stated;
+    if (!has_default) return 0.0;
+    return robot ? by_robot : by_hand;
+  };
+  const Limits position{0, 0.1, " m"}, angle{0, 45, " deg"};
+  const bool part = rig.robot && rig.robot->load == RobotMount::Load::kPart;
+  const bool head = rig.robot && rig.robot->load == RobotMount::Load::kSensorHead;
+  PlacementErrors placement;
+  placement.part_position_m =
+      value("placement.part_position_m", message.has_part_position_m(), message.part_position_m(),
+            part, kRobotPosition_m, kHandPosition_m, position);
+  placement.part_angle_rad =
+      Radians(value("placement.part_angle_deg", message.has_part_angle_deg(),
+                    message.part_angle_deg(), part, kRobotAngle_deg, kHandAngle_deg, angle));
+  placement.sensor_position_m =
+      value("placement.sensor_position_m", message.has_sensor_position_m(),
+            message.sensor_position_m(), head, kRobotPosition_m, kHandPosition_m, position);
+  placement.sensor_angle_rad =
+      Radians(value("placement.sensor_angle_deg", message.has_sensor_angle_deg(),
+                    message.sensor_angle_deg(), head, kRobotAngle_deg, kHandAngle_deg, angle));
+  if (!errors.empty()) return errors.Status();
+  return placement;
+}
+
 absl::StatusOr<CostModel> ParseCosts(const v1::CostModel& message, const Checker& check) {
   CostModel costs;
   ErrorList errors;
@@ -638,6 +674,7 @@ absl::StatusOr<Inspection> ParseInspection(const v1::Inspection& given, const st
       SetDefaultCosts(message, inspection, &inspection.costs);
     }
   }
+  take(ParsePlacement(message.placement(), inspection, check), &inspection.placement);
   errors.Add(ParseImaging(message, context, &inspection));
   if (inspection.rig.lens) {
     take(ParseOpticsPlanning(message.optics(), *inspection.rig.lens, context), &inspection.optics);

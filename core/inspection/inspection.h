@@ -145,6 +145,18 @@ struct CostModel {
   bool PricesSetups() const { return lay_time_s > 0 || move_sensors_time_s > 0; }
 };
 
+// Standard deviations of the errors with which part and sensors are put in their places
+// (v1::Placement).
+struct PlacementErrors {
+  double part_position_m = 0, part_angle_rad = 0;
+  double sensor_position_m = 0, sensor_angle_rad = 0;
+
+  bool AreZero() const {
+    return part_position_m == 0 && part_angle_rad == 0 && sensor_position_m == 0 &&
+           sensor_angle_rad == 0;
+  }
+};
+
 // How camera and laser are held (v1::Rig::SensorMount).
 enum class SensorMount { kSeparate, kRigid };
 
@@ -199,7 +211,8 @@ struct Inspection {
   std::vector<ObstacleSource> obstacles;
   std::optional<RobotMount> robot;  // unset: scans are set up by hand
   PlanningGoal goal;
-  CostModel costs;  // with the defaults of `defaults`
+  PlacementErrors placement;  // all 0 by the defaults "0.1"
+  CostModel costs;            // with the defaults of `defaults`
   // Without them: a default speed has a cost but does not limit exposures.
   CostModel stated_costs;
   std::optional<UncertaintyModel> uncertainty;

@@ -69,6 +69,28 @@ ScanGeometry MakeScanGeometry(const Rig& rig, const Measurement& m) {
   return g;
 }
 
+Eigen::Matrix3d Displacement::Rotation() const {
+  const double angle_rad = rotation_rad.norm();
+  if (angle_rad == 0) return Eigen::Matrix3d::Identity();
+  return Eigen::AngleAxisd(angle_rad, rotation_rad / angle_rad).toRotationMatrix();
+}
+
+ScanGeometry Displaced(ScanGeometry g, const ScanDisplacement& displacement) {
+  const auto displace = [](const Displacement& by, SensorPose& pose) {
+    const Eigen::Matrix3d turn = by.Rotation();
+    pose.origin_m += by.translation_m;
+    pose.x_axis = turn * pose.x_axis;
+    pose.y_axis = turn * pose.y_axis;
+    pose.z_axis = turn * pose.z_axis;
+  };
+  displace(displacement.camera, g.camera);
+  displace(displacement.laser, g.laser);
+  g.sheet_normal = g.laser.y_axis;
+  g.part_rotation = displacement.part.Rotation() * g.part_rotation;
+  g.part_offset_m += displacement.part.translation_m;
+  return g;
+}
+
 Eigen::Vector3d PartToWorld(const ScanGeometry& g, const Eigen::Vector3d& part_centre_m,
                             const Eigen::Vector3d& x_part, double stage_m) {
   return g.part_rotation * (x_part - part_centre_m) + g.part_offset_m +

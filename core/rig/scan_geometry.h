@@ -51,6 +51,25 @@ struct ScanGeometry {
 // Every measurement inside Table 2.1 gives a valid geometry; no check is made here.
 ScanGeometry MakeScanGeometry(const Rig& rig, const Measurement& measurement);
 
+// Displacement of a rigid body: turned about its own origin by a rotation vector, then shifted;
+// axes of the world.
+struct Displacement {
+  Eigen::Vector3d rotation_rad = Eigen::Vector3d::Zero();
+  Eigen::Vector3d translation_m = Eigen::Vector3d::Zero();
+
+  Eigen::Matrix3d Rotation() const;
+};
+
+// Displacements of part, camera and laser from where the measurement of a scan has them. The part
+// turns about the centre that offsets refer to.
+struct ScanDisplacement {
+  Displacement part, camera, laser;
+};
+
+// The sheet of the result holds the displaced laser instead of the origin, so LitStagePosition does
+// not apply to it.
+ScanGeometry Displaced(ScanGeometry geometry, const ScanDisplacement& displacement);
+
 // World coordinates of a part point with the stage at `stage_m`.
 Eigen::Vector3d PartToWorld(const ScanGeometry& geometry, const Eigen::Vector3d& part_centre_m,
                             const Eigen::Vector3d& x_part, double stage_m);

@@ -48,12 +48,11 @@ void RemoveOccluded(const std::vector<Occluder>& occluders, const ScanGeometry& 
 std::vector<MeasurementPoint> MeasureScan(const TriangleMesh& part, const Rig& rig,
                                           const Eigen::Vector3d& part_centre_m,
                                           const std::vector<Occluder>& occluders,
-                                          const Measurement& measurement, const PointLimits& depth,
+                                          const ScanGeometry& geometry, const PointLimits& depth,
                                           const std::atomic<bool>* cancelled) {
   std::vector<MeasurementPoint> points;
-  const ScanInPart scan = MakeScanInPart(rig, part_centre_m, measurement, depth);
+  const ScanInPart scan = MakeScanInPart(rig, part_centre_m, geometry, depth);
   if (!scan.sweeps) return points;
-  const ScanGeometry geometry = MakeScanGeometry(rig, measurement);
   const double step = scan.scan_step_m;
 
   // Frames in which a triangle can be lit, imaged and in range.

@@ -27,7 +27,17 @@ namespace sightline {
 std::vector<MeasurementPoint> MeasureScan(const TriangleMesh& part, const Rig& rig,
                                           const Eigen::Vector3d& part_centre_m,
                                           const std::vector<Occluder>& occluders,
-                                          const Measurement& measurement, const PointLimits& depth,
+                                          const ScanGeometry& geometry, const PointLimits& depth,
                                           const std::atomic<bool>* cancelled);
+
+inline std::vector<MeasurementPoint> MeasureScan(const TriangleMesh& part, const Rig& rig,
+                                                 const Eigen::Vector3d& part_centre_m,
+                                                 const std::vector<Occluder>& occluders,
+                                                 const Measurement& measurement,
+                                                 const PointLimits& depth,
+                                                 const std::atomic<bool>* cancelled) {
+  return MeasureScan(part, rig, part_centre_m, occluders, MakeScanGeometry(rig, measurement), depth,
+                     cancelled);
+}
 
 }  // namespace sightline

@@ -287,14 +287,38 @@ class CoverageSceneImpl final : public CoverageScene {
           CheckFeasibility(measurement, coverage.first_frame * definition_.rig.scan_step_m,
                            coverage.last_frame * definition_.rig.scan_step_m);
     }
-    coverage.measurement_points = static_cast<int64_t>(measured->size());
-    if (coverage.feasibility == Feasibility::kFeasible) {
-      for (const MeasurementPoint& p : *measured) {
-        lookup_->Mark(p.position_m, p.normal, coverage.covered,
-                      coverage.covered_without_normal_gate);
+    MarkCovered(*measured, &coverage);
+    if (points != nullptr) *points = *measured;
+    return coverage;
+  }
+
+  ExactCoverage EvaluateDisplaced(const Measurement& measurement,
+                                  const ScanDisplacement& displacement,
+                                  const std::atomic<bool>* cancelled) const override {
+    ExactCoverage coverage;
+    coverage.covered = TargetBits(targets_.size());
+    coverage.covered_without_normal_gate = TargetBits(targets_.size());
+    if (!domain_.Contains(measurement)) {
+      coverage.feasibility = Feasibility::kOutOfBounds;
+      return coverage;
+    }
+    const ScanGeometry geometry =
+        Displaced(MakeScanGeometry(definition_.rig, measurement), displacement);
+    const std::vector<MeasurementPoint> measured =
+        MeasureScan(definition_.part, definition_.rig, part_centre_m_, occluders_, geometry,
+                    Depth(measurement), cancelled);
+    if (!measured.empty()) {
+      coverage.first_frame = measured.front().frame;
+      coverage.last_frame = measured.back().frame;
+      // The clearance is there to be used up by displacements.
+      Rig rig = definition_.rig;
+      rig.clearance_m = 0;
+      if (Collides(rig, geometry, part_centre_m_, occluders_,
+                   coverage.first_frame * rig.scan_step_m, coverage.last_frame * rig.scan_step_m)) {
+        coverage.feasibility = Feasibility::kCollision;
       }
     }
-    if (points != nullptr) *points = *measured;
+    MarkCovered(measured, &coverage);
     return coverage;
   }
 
@@ -329,6 +353,16 @@ class CoverageSceneImpl final : public CoverageScene {
   }
 
  private:
+  // The targets that the points of a feasible scan cover.
+  void MarkCovered(const std::vector<MeasurementPoint>& measured, ExactCoverage* coverage) const {
+    coverage->measurement_points = static_cast<int64_t>(measured.size());
+    if (coverage->feasibility != Feasibility::kFeasible) return;
+    for (const MeasurementPoint& p : measured) {
+      lookup_->Mark(p.position_m, p.normal, coverage->covered,
+                    coverage->covered_without_normal_gate);
+    }
+  }
+
   std::shared_ptr<const MeasuredScans::Points> MeasuredPoints(
       const Measurement& measurement, const std::atomic<bool>* cancelled) const {
     if (auto known = measured_scans_.Find(measurement); known != nullptr) return known;

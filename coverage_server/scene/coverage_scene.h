@@ -14,6 +14,7 @@
 #include "core/part/mesh.h"
 #include "core/rig/measurement.h"
 #include "core/rig/rig.h"
+#include "core/rig/scan_geometry.h"
 #include "core/targets/target_set.h"
 #include "core/uncertainty/uncertainty_model.h"
 #include "coverage_server/answers/scene_answers.h"
@@ -91,6 +92,12 @@ class CoverageScene {
   virtual ExactCoverage EvaluateExact(const Measurement& measurement,
                                       std::vector<MeasurementPoint>* points,
                                       const std::atomic<bool>* cancelled) const = 0;
+
+  // The same with part, camera and laser displaced. Bodies may use up the rig's clearance, and the
+  // scan may use more travel than the stage has: a plan states its travel for parts in their place.
+  virtual ExactCoverage EvaluateDisplaced(const Measurement& measurement,
+                                          const ScanDisplacement& displacement,
+                                          const std::atomic<bool>* cancelled) const = 0;
 
   // Explains which obstacles or limits keep the best scans of `domain` from measuring each of
   // `targets` (explanation/explain_targets.h). Stops early (results unspecified) when *cancelled.

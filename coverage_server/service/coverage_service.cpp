@@ -295,6 +295,11 @@ absl::Status CoverageServiceImpl::Coverage(grpc::ServerContext* context,
   absl::StatusOr<MeasurementBatch> batch = ParseMeasurements(request.measurements());
   if (!batch.ok()) return batch.status();
   const bool fast = request.evaluator() == v1::EVALUATOR_FAST;
+  if (fast && request.displacements_size() > 0) {
+    return InvalidFields({{"displacements", "need EVALUATOR_EXACT"}});
+  }
+  const auto displacements = ParseDisplacements(request.displacements(), *batch);
+  if (!displacements.ok()) return displacements.status();
   // Bytes of the informed targets: a number, at most four bytes, and the information.
   const size_t informed_bytes = fast && scene.uncertainty() != nullptr ? 8 * targets : 0;
   const auto bytes_each =
@@ -313,7 +318,10 @@ absl::Status CoverageServiceImpl::Coverage(grpc::ServerContext* context,
       [&](size_t begin, size_t end, const std::atomic<bool>& cancelled) {
         if (!fast) {
           for (size_t i = begin; i < end; ++i) {
-            coverages[i] = scene.EvaluateExact(inside[i], nullptr, &cancelled);
+            coverages[i] =
+                displacements->empty()
+                    ? scene.EvaluateExact(inside[i], nullptr, &cancelled)
+                    : scene.EvaluateDisplaced(inside[i], (*displacements)[i], &cancelled);
           }
           return;
         }

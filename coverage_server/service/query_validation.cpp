@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "absl/strings/str_cat.h"
+#include "core/inspection/vector_proto.h"
 #include "proto/status/rpc_status.h"
 
 namespace sightline {
@@ -12,6 +13,7 @@ namespace {
 
 constexpr int kMinViewSize_px = 16;
 constexpr int kMaxViewSize_px = 4096;
+constexpr double kLargestDisplacement_m = 1;
 
 bool AllFinite(const Measurement& measurement) {
   for (const double value : ToArray(measurement)) {
@@ -68,6 +70,39 @@ absl::StatusOr<MeasurementBatch> ParseMeasurements(
   }
   if (absl::Status status = InvalidFields(violations); !status.ok()) return status;
   return batch;
+}
+
+absl::StatusOr<std::vector<ScanDisplacement>> ParseDisplacements(
+    const google::protobuf::RepeatedPtrField<v1::ScanDisplacement>& displacements,
+    const MeasurementBatch& batch) {
+  std::vector<ScanDisplacement> inside;
+  if (displacements.empty()) return inside;
+  if (static_cast<size_t>(displacements.size()) != batch.size) {
+    return InvalidFields({{"displacements", absl::StrCat(displacements.size(), ": must be ",
+                                                         batch.size, ", one per measurement")}});
+  }
+  std::vector<FieldViolation> violations;
+  const auto parse = [&](const v1::Displacement& message, const std::string& field) {
+    const Displacement parsed{VectorFromProto(message.rotation_rad()),
+                              VectorFromProto(message.translation_m())};
+    // Comparisons with NaN are false.
+    if (!(parsed.rotation_rad.norm() <= std::numbers::pi)) {
+      violations.push_back({field + ".rotation_rad", "must be at most pi long"});
+    }
+    if (!(parsed.translation_m.cwiseAbs().maxCoeff() <= kLargestDisplacement_m)) {
+      violations.push_back({field + ".translation_m", "every coordinate in [-1, 1] m"});
+    }
+    return parsed;
+  };
+  for (const size_t index : batch.inside_index) {
+    const v1::ScanDisplacement& message = displacements[static_cast<int>(index)];
+    const std::string field = absl::StrCat("displacements[", index, "]");
+    inside.push_back({parse(message.part(), field + ".part"),
+                      parse(message.camera(), field + ".camera"),
+                      parse(message.laser(), field + ".laser")});
+  }
+  if (absl::Status status = InvalidFields(violations); !status.ok()) return status;
+  return inside;
 }
 
 absl::StatusOr<Measurement> ParseMeasurement(const v1::Measurement& measurement,

@@ -34,6 +34,13 @@ absl::StatusOr<MeasurementBatch> ParseMeasurements(
 absl::StatusOr<Measurement> ParseMeasurement(const v1::Measurement& measurement,
                                              const std::string& field);
 
+// Empty, or one displacement per measurement of the batch: those of its measurements inside
+// Table 2.1. INVALID_ARGUMENT for another number, and for coordinates that are not finite or too
+// large.
+absl::StatusOr<std::vector<ScanDisplacement>> ParseDisplacements(
+    const google::protobuf::RepeatedPtrField<v1::ScanDisplacement>& displacements,
+    const MeasurementBatch& batch);
+
 // EVALUATOR_FAST or EVALUATOR_EXACT.
 absl::Status CheckEvaluator(v1::Evaluator evaluator);
 

@@ -17,6 +17,7 @@
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
 #include "core/inspection/inspection.h"
+#include "core/inspection/vector_proto.h"
 #include "planner_client/coverage_client/scene_connection.h"
 #include "proto/status/rpc_status.h"
 #include "sightline/v1/coverage_service.grpc.pb.h"
@@ -42,6 +43,20 @@ absl::StatusOr<ScanFeasibility> FeasibilityFromProto(v1::Feasibility feasibility
       return absl::InternalError(
           absl::StrCat("server answered an unknown feasibility ", feasibility));
   }
+}
+
+v1::ScanDisplacement DisplacementToProto(const ScanDisplacement& displacement) {
+  const auto convert = [](const Displacement& from) {
+    v1::Displacement message;
+    *message.mutable_rotation_rad() = VectorToProto(from.rotation_rad);
+    *message.mutable_translation_m() = VectorToProto(from.translation_m);
+    return message;
+  };
+  v1::ScanDisplacement message;
+  *message.mutable_part() = convert(displacement.part);
+  *message.mutable_camera() = convert(displacement.camera);
+  *message.mutable_laser() = convert(displacement.laser);
+  return message;
 }
 
 std::vector<CallSlice> Cut(size_t count, size_t batch) {
@@ -191,6 +206,15 @@ class CoverageClientImpl final : public CoverageClient {
     return CoverageOf(measurements, v1::EVALUATOR_EXACT, 1);
   }
 
+  absl::StatusOr<std::vector<ScanCoverage>> DisplacedCoverage(
+      std::span<const Measurement> measurements,
+      std::span<const ScanDisplacement> displacements) override {
+    if (displacements.size() != measurements.size()) {
+      return absl::InvalidArgumentError("displaced scans need one displacement each");
+    }
+    return CoverageOf(measurements, v1::EVALUATOR_EXACT, 1, displacements);
+  }
+
   absl::StatusOr<std::vector<ScanPoint>> MeasurementPoints(
       const Measurement& measurement) override {
     std::vector<ScanPoint> points;
@@ -316,7 +340,8 @@ class CoverageClientImpl final : public CoverageClient {
   // Calls take(feasibility, answer) for every measurement, in order.
   absl::Status AskCoverage(
       std::span<const Measurement> measurements, v1::Evaluator evaluator, size_t batch,
-      const std::function<absl::Status(ScanFeasibility, const v1::Coverage&)>& take) {
+      const std::function<absl::Status(ScanFeasibility, const v1::Coverage&)>& take,
+      std::span<const ScanDisplacement> displacements = {}) {
     const bool informed = evaluator == v1::EVALUATOR_FAST && scene_.task().uncertainty;
     const int64_t bytes_each =
         scene_.info().target_count / 4 + 64 + (informed ? 8 * scene_.info().target_count : 0);
@@ -332,6 +357,9 @@ class CoverageClientImpl final : public CoverageClient {
               request->set_evaluator(evaluator);
               for (size_t i = slice.begin; i < slice.end; ++i) {
                 *request->add_measurements() = MeasurementToProto(measurements[i]);
+                if (!displacements.empty()) {
+                  *request->add_displacements() = DisplacementToProto(displacements[i]);
+                }
               }
             },
             &v1::CoverageService::Stub::AsyncEvaluateCoverage, &responses);
@@ -349,8 +377,9 @@ class CoverageClientImpl final : public CoverageClient {
     return absl::OkStatus();
   }
 
-  absl::StatusOr<std::vector<ScanCoverage>> CoverageOf(std::span<const Measurement> measurements,
-                                                       v1::Evaluator evaluator, size_t batch) {
+  absl::StatusOr<std::vector<ScanCoverage>> CoverageOf(
+      std::span<const Measurement> measurements, v1::Evaluator evaluator, size_t batch,
+      std::span<const ScanDisplacement> displacements = {}) {
     std::vector<ScanCoverage> coverages;
     coverages.reserve(measurements.size());
     const size_t target_count = scene_.targets().size();
@@ -371,7 +400,8 @@ class CoverageClientImpl final : public CoverageClient {
           }
           coverages.push_back(std::move(coverage));
           return absl::OkStatus();
-        });
+        },
+        displacements);
     if (!status.ok()) return status;
     return coverages;
   }

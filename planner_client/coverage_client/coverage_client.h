@@ -13,6 +13,7 @@
 #include "core/inspection/inspection.h"
 #include "core/part/mesh.h"
 #include "core/rig/rig.h"
+#include "core/rig/scan_geometry.h"
 #include "core/targets/target_set.h"
 #include "core/targets/uncovered_reason.h"
 #include "planner_client/rpc_client/channel.h"
@@ -118,6 +119,10 @@ class CoverageClient : public GainOracle {
   // Bit r of a target: it is measurable with the part in resting orientation r of the task's
   // domain. Empty: the domain has none, or more than 64, or the server does not say.
   virtual std::span<const uint64_t> measurable_orientations() const { return {}; }
+  // Exact, with part, camera and laser of every scan displaced; one displacement per measurement.
+  virtual absl::StatusOr<std::vector<ScanCoverage>> DisplacedCoverage(
+      std::span<const Measurement> measurements,
+      std::span<const ScanDisplacement> displacements) = 0;
   // All measured points of one scan, exact. FAILED_PRECONDITION: the scan is not feasible.
   virtual absl::StatusOr<std::vector<ScanPoint>> MeasurementPoints(
       const Measurement& measurement) = 0;

@@ -79,6 +79,10 @@ class RefusingClient final : public CoverageClient {
       std::span<const Measurement> measurements) override {
     return oracle_.ExactCoverage(measurements);
   }
+  absl::StatusOr<std::vector<ScanCoverage>> DisplacedCoverage(
+      std::span<const Measurement> measurements, std::span<const ScanDisplacement>) override {
+    return oracle_.ExactCoverage(measurements);
+  }
   absl::StatusOr<std::vector<ScanPoint>> MeasurementPoints(const Measurement&) override {
     if (refusals_.points) return refusal_;
     return std::vector<ScanPoint>{{{0, 0, 0}, {0, 0, 1}, 3, 200},

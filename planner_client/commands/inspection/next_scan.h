@@ -7,7 +7,7 @@
 #include <string>
 
 #include "absl/status/statusor.h"
-#include "planner_client/commands/planning/as_measured_session.h"
+#include "planner_client/commands/planning/replanning/as_measured_session.h"
 #include "planner_client/inspect/judge_measured.h"
 #include "planner_client/replanning/measured_part.h"
 #include "sightline/v1/measured_result.pb.h"

@@ -22,7 +22,7 @@
 #include "planner_client/commands/optics/optics_outputs.h"
 #include "planner_client/commands/optics/optics_request.h"
 #include "planner_client/commands/part_assets.h"
-#include "planner_client/commands/planning/plan_document.h"
+#include "planner_client/commands/planning/document/plan_document.h"
 #include "planner_client/commands/worker_session.h"
 #include "planner_client/optics_client/optics_client.h"
 #include "planner_client/optics_client/uncertainty_correction.h"

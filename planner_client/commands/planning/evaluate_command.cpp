@@ -11,9 +11,9 @@
 #include "planner_client/command_line/process/print.h"
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/other_part.h"
-#include "planner_client/commands/planning/plan_document.h"
+#include "planner_client/commands/planning/document/plan_document.h"
 #include "planner_client/commands/planning/plan_outputs.h"
-#include "planner_client/commands/planning/planning_session.h"
+#include "planner_client/commands/planning/session/planning_session.h"
 #include "planner_client/plan_file/plan_file.h"
 
 namespace sightline {

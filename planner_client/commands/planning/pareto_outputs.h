@@ -7,9 +7,9 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "planner_client/command_line/process/progress_line.h"
-#include "planner_client/commands/planning/plan_document.h"
+#include "planner_client/commands/planning/document/plan_document.h"
 #include "planner_client/commands/planning/plan_outputs.h"
-#include "planner_client/commands/planning/planning_session.h"
+#include "planner_client/commands/planning/session/planning_session.h"
 #include "planner_client/pareto/pareto_json.h"
 #include "planner_client/strategy/planner.h"
 

@@ -22,10 +22,11 @@
 #include "core/part/part_health_proto.h"
 #include "planner_client/command_line/process/output_folder.h"
 #include "planner_client/command_line/process/print.h"
-#include "planner_client/commands/planning/robot_outputs.h"
-#include "planner_client/commands/planning/set_up_outputs.h"
-#include "planner_client/commands/planning/uncertainty_outputs.h"
-#include "planner_client/commands/planning/uncovered_outputs.h"
+#include "planner_client/commands/planning/document/placement_outputs.h"
+#include "planner_client/commands/planning/document/set_up_outputs.h"
+#include "planner_client/commands/planning/document/uncertainty_outputs.h"
+#include "planner_client/commands/planning/document/uncovered_outputs.h"
+#include "planner_client/commands/planning/session/robot_outputs.h"
 #include "planner_client/report/document/report_page.h"
 #include "planner_client/report/plan/plan_csv.h"
 
@@ -251,6 +252,10 @@ absl::Status WritePlanOutputs(PlanningSession& session, PlanDocument& document,
   if (absl::Status status = ExplainUncovered(session, &document); !status.ok()) {
     document.Miss("reasons why targets are not covered", status);
   }
+  const auto placing = std::chrono::steady_clock::now();
+  if (absl::Status status = AddPlacementCoverage(session, &document); !status.ok()) {
+    document.Miss("coverage under errors of placement", status);
+  }
   const auto start = std::chrono::steady_clock::now();
   if (absl::Status status = WritePlanJson(document, options.folder); !status.ok()) return status;
   auto data = DescribeForReport(session, document, options);
@@ -262,11 +267,13 @@ absl::Status WritePlanOutputs(PlanningSession& session, PlanDocument& document,
   data->set_up_sheet = kSetUpSheetFile;
   data->depth_per_pixel_m = DepthPerPixel(session, document, data->targets);
   data->timings = options.timings;
+  const auto seconds = [](auto from, auto to) {
+    return std::chrono::duration<double>(to - from).count();
+  };
+  data->timings.push_back({"reasons of uncovered targets", seconds(explaining, placing)});
+  data->timings.push_back({"coverage under errors of placement", seconds(placing, start)});
   data->timings.push_back(
-      {"reasons of uncovered targets", std::chrono::duration<double>(start - explaining).count()});
-  data->timings.push_back(
-      {"pictures and point clouds",
-       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count()});
+      {"pictures and point clouds", seconds(start, std::chrono::steady_clock::now())});
   for (const std::string& missing : document.missing) {
     data->notes.push_back(missing);
     PrintTextTo(stderr, "warning: %s\n", missing.c_str());

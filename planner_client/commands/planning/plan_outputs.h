@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "absl/status/status.h"
-#include "planner_client/commands/planning/plan_document.h"
-#include "planner_client/commands/planning/planning_session.h"
+#include "planner_client/commands/planning/document/plan_document.h"
+#include "planner_client/commands/planning/session/planning_session.h"
 #include "planner_client/report/plan/report.h"
 #include "sightline/v1/pareto.pb.h"
 

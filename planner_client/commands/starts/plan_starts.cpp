@@ -7,7 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "planner_client/commands/planning/plan_document.h"
+#include "planner_client/commands/planning/document/plan_document.h"
 
 namespace sightline {
 

@@ -10,7 +10,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "planner_client/commands/planning/planning_session.h"
+#include "planner_client/commands/planning/session/planning_session.h"
 #include "planner_client/commands/shard.h"
 #include "planner_client/multi_start/start_result.h"
 #include "planner_client/strategy/planner.h"

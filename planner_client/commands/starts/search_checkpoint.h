@@ -9,7 +9,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "planner_client/commands/planning/planning_session.h"
+#include "planner_client/commands/planning/session/planning_session.h"
 #include "planner_client/kept_answers/question_files.h"
 #include "planner_client/multi_start/start_result.h"
 #include "planner_client/plan_oracle/journalled_oracle.h"

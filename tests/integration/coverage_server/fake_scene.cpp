@@ -114,6 +114,11 @@ class FakeScene final : public CoverageScene {
     }
   }
 
+  ExactCoverage EvaluateDisplaced(const Measurement& measurement, const ScanDisplacement&,
+                                  const std::atomic<bool>* cancelled) const override {
+    return EvaluateExact(measurement, nullptr, cancelled);
+  }
+
   ExactCoverage EvaluateExact(const Measurement& measurement, std::vector<MeasurementPoint>* points,
                               const std::atomic<bool>* cancelled) const override {
     ExactCoverage coverage;

@@ -6,8 +6,8 @@
 #include <string>
 
 #include "absl/status/status.h"
-#include "planner_client/commands/planning/plan_document.h"
-#include "planner_client/commands/planning/planning_session.h"
+#include "planner_client/commands/planning/document/plan_document.h"
+#include "planner_client/commands/planning/session/planning_session.h"
 #include "planner_client/report/plan/report.h"
 
 namespace sightline {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "planner_client/commands/planning/plan_with_optics.h"
+#include "planner_client/commands/optics/plan_with_optics.h"
 
 #include <cstdio>
 #include <memory>

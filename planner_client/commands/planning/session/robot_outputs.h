@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "absl/status/status.h"
-#include "planner_client/commands/planning/planning_session.h"
+#include "planner_client/commands/planning/session/planning_session.h"
 #include "planner_client/report/plan/sections/robot_section.h"
 #include "planner_client/robot/robot_moves.h"
 #include "planner_client/strategy/planner.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "planner_client/commands/planning/uncertainty_outputs.h"
+#include "planner_client/commands/planning/document/uncertainty_outputs.h"
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "planner_client/commands/planning/plan_document.h"
+#include "planner_client/commands/planning/document/plan_document.h"
 
 #include <algorithm>
 #include <chrono>
@@ -17,11 +17,12 @@
 #include "core/rig/scan_geometry.h"
 #include "core/triangulation/triangulation.h"
 #include "planner_client/command_line/process/output_folder.h"
-#include "planner_client/commands/planning/robot_outputs.h"
-#include "planner_client/commands/planning/scan_setups.h"
-#include "planner_client/commands/planning/set_up_outputs.h"
-#include "planner_client/commands/planning/uncertainty_outputs.h"
-#include "planner_client/commands/planning/uncovered_outputs.h"
+#include "planner_client/commands/planning/document/placement_outputs.h"
+#include "planner_client/commands/planning/document/scan_setups.h"
+#include "planner_client/commands/planning/document/set_up_outputs.h"
+#include "planner_client/commands/planning/document/uncertainty_outputs.h"
+#include "planner_client/commands/planning/document/uncovered_outputs.h"
+#include "planner_client/commands/planning/session/robot_outputs.h"
 #include "planner_client/report/uncertainty/inadmissible.h"
 #include "planner_client/report/uncertainty/uncertainty_report.h"
 #include "planner_client/requirements/feature_verdicts.h"
@@ -489,6 +490,7 @@ std::string SummarisePlan(const v1::Plan& plan) {
     absl::StrAppendFormat(&text, "of %d validation targets: %.2f %%.\n",
                           c.fresh_measurable_targets(), 100 * c.fresh_coverage());
   }
+  text += SummarisePlacement(plan);
   if (plan.has_uncertainty()) {
     const v1::PlanUncertainty& u = plan.uncertainty();
     absl::StrAppendFormat(&text,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "planner_client/commands/planning/set_up_outputs.h"
+#include "planner_client/commands/planning/document/set_up_outputs.h"
 
 #include <optional>
 #include <utility>

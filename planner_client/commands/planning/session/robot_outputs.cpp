@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "planner_client/commands/planning/robot_outputs.h"
+#include "planner_client/commands/planning/session/robot_outputs.h"
 
 #include <algorithm>
 #include <cstdio>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "planner_client/commands/planning/planning_session.h"
+#include "planner_client/commands/planning/session/planning_session.h"
 
 #include <algorithm>
 #include <chrono>
@@ -18,7 +18,7 @@
 #include "planner_client/command_line/process/interrupt.h"
 #include "planner_client/command_line/process/print.h"
 #include "planner_client/command_line/process/progress_line.h"
-#include "planner_client/commands/planning/robot_outputs.h"
+#include "planner_client/commands/planning/session/robot_outputs.h"
 #include "planner_client/part_files/part_file.h"
 #include "planner_client/plan_oracle/coverage_oracle.h"
 #include "planner_client/requirements/reach.h"

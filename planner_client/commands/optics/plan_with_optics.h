@@ -7,8 +7,8 @@
 #include <string>
 
 #include "absl/status/statusor.h"
-#include "planner_client/commands/planning/plan_document.h"
-#include "planner_client/commands/planning/planning_session.h"
+#include "planner_client/commands/planning/document/plan_document.h"
+#include "planner_client/commands/planning/session/planning_session.h"
 #include "planner_client/commands/worker_session.h"
 #include "planner_client/strategy/planner.h"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "planner_client/commands/planning/scan_setups.h"
+#include "planner_client/commands/planning/document/scan_setups.h"
 
 #include <algorithm>
 #include <cmath>

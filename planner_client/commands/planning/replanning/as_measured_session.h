@@ -11,8 +11,8 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "planner_client/commands/planning/plan_document.h"
-#include "planner_client/commands/planning/planning_session.h"
+#include "planner_client/commands/planning/document/plan_document.h"
+#include "planner_client/commands/planning/session/planning_session.h"
 #include "planner_client/replanning/measured_part.h"
 #include "planner_client/strategy/planner.h"
 #include "sightline/v1/plan.pb.h"

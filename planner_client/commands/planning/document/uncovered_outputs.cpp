@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "planner_client/commands/planning/uncovered_outputs.h"
+#include "planner_client/commands/planning/document/uncovered_outputs.h"
 
 #include <numeric>
 #include <vector>

@@ -8,7 +8,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
-#include "planner_client/commands/planning/planning_session.h"
+#include "planner_client/commands/planning/session/planning_session.h"
 #include "planner_client/strategy/planner.h"
 #include "planner_client/strategy/scan_count_bound.h"
 #include "sightline/v1/plan.pb.h"

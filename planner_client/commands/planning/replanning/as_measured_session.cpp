@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "planner_client/commands/planning/as_measured_session.h"
+#include "planner_client/commands/planning/replanning/as_measured_session.h"
 
 #include <algorithm>
 #include <filesystem>

@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "planner_client/commands/planning/plan_inputs.h"
+
+#include <filesystem>
+#include <string>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "core/json/strict_json.h"
+#include "core/text/number_text.h"
+#include "planner_client/commands/part_assets.h"
+#include "planner_client/plan_file/plan_file.h"
+
+namespace sightline {
+
+absl::Status ReadGivenScans(PlanOptions& options, PlannerRequest& request) {
+  if (!options.keep.empty()) {
+    auto kept = ReadPlanScans(options.keep, &options.session.plans);
+    if (!kept.ok()) return kept.status();
+    request.locked = std::move(kept->all);
+  }
+  if (options.resume) {
+    const std::string path = options.output.folder + "/plan.json";
+    auto earlier = ReadPlanScans(path, &options.session.plans);
+    if (!earlier.ok()) return earlier.status();
+    for (size_t i = 0; i < earlier->all.size(); ++i) {
+      (earlier->locked[i] ? request.locked : request.starting).push_back(earlier->all[i]);
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<EarlierPlan> ReadMeasuredScans(PlanOptions& options, PlannerRequest& request) {
+  if (options.measured.files.empty()) return EarlierPlan{};
+  if (!options.resume) {
+    return absl::InvalidArgumentError(
+        "--measured: needs --resume, since the points are of scans of the plan.json in --out");
+  }
+  if (options.optics) {
+    return absl::InvalidArgumentError("--optics and --measured exclude each other");
+  }
+  return LockMeasuredScans(options.measured, options.output.folder, &request);
+}
+
+absl::Status CheckOptics(const PlanOptions& options) {
+  if (!options.optics) return absl::OkStatus();
+  if (!options.checkpoint.empty()) {
+    return absl::InvalidArgumentError(
+        "--optics and --checkpoint exclude each other: what the render worker answers is not kept");
+  }
+  if (options.pareto.front) {
+    return absl::InvalidArgumentError(
+        "--optics and --pareto exclude each other: pick a plan, then `sightline optics --plan`");
+  }
+  v1::Inspection message;
+  const std::string& file = options.session.inspection_file;
+  if (absl::Status s = ReadStrictJsonFile(file, &message); !s.ok()) return s;
+  return CheckImagingInspection(message, file).status();
+}
+
+absl::StatusOr<std::optional<SearchQuestion>> QuestionOf(const PlanOptions& options) {
+  if (options.checkpoint.empty()) return std::nullopt;
+  auto files = FilesOfInspection(options.session.inspection_file);
+  if (!files.ok()) return files.status();
+  for (const std::string& file : options.measured.files) {
+    // The name may say which scan has measured the points.
+    files->push_back(
+        {absl::StrCat("--measured ", std::filesystem::path(file).filename().string()), file});
+  }
+  if (!options.measured.pose_file.empty()) files->push_back({"--pose", options.measured.pose_file});
+  auto contents = FileContents::Of(*std::move(files));
+  if (!contents.ok()) return contents.status();
+  const AsMeasuredOptions& m = options.measured;
+  return SearchQuestion{
+      *std::move(contents),
+      m.files.empty()
+          ? ""
+          : absl::StrFormat("pose prior %s mm, %s deg; tolerated distance %s mm; unit %s",
+                            NumberText(m.pose_prior_mm), NumberText(m.pose_prior_deg),
+                            NumberText(m.tolerated_distance_mm), m.unit)};
+}
+
+}  // namespace sightline

@@ -1,0 +1,317 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "planner_client/commands/planning/planning_run.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "planner_client/command_line/help/terminal.h"
+#include "planner_client/command_line/process/interrupt.h"
+#include "planner_client/command_line/process/output_folder.h"
+#include "planner_client/command_line/process/print.h"
+#include "planner_client/commands/optics/optics_outputs.h"
+#include "planner_client/commands/optics/plan_with_optics.h"
+#include "planner_client/commands/planning/pareto_outputs.h"
+#include "planner_client/commands/planning/plan_outputs.h"
+#include "planner_client/commands/starts/plan_starts.h"
+#include "planner_client/pareto/frame_estimate.h"
+#include "planner_client/report/optics/optics_report.h"
+#include "planner_client/strategy/scan_order.h"
+
+namespace sightline {
+namespace {
+
+// Fractions of the whole command, by the time that the example head takes; opening the session
+// comes before, the outputs after.
+constexpr ProgressPhase kPlanningPhase{kOpenSessionPhase.end, 0.5};
+constexpr ProgressPhase kBoundPhase{0.5, 0.7};
+constexpr ProgressPhase kAgainPhase{0.7, 0.83};
+constexpr ProgressPhase kLeastTimePhase{0.83, 0.95};
+
+struct StepDescription {
+  ProgressPhase phase;
+  const char* timing;
+};
+
+StepDescription DescriptionOf(PlanStep step) {
+  switch (step) {
+    case PlanStep::kPlan:
+      return {kPlanningPhase, "planning"};
+    case PlanStep::kBound:
+      return {kBoundPhase, "lower bound"};
+    case PlanStep::kPlanAgain:
+      return {kAgainPhase, "planning with the bound's scans"};
+    case PlanStep::kLeastTime:
+      break;
+  }
+  return {kLeastTimePhase, "planning fewer set-ups"};
+}
+
+double SecondsSince(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+// optics.json, its report, and the settings of the plan's scans.
+absl::Status WriteOptics(const v1::OpticsPlan& optics, const std::string& folder, v1::Plan* plan) {
+  v1::OpticsPlan named = optics;
+  named.set_sightline_version(SIGHTLINE_VERSION);
+  SetSettings(named, plan);
+  for (const std::string& warning : named.warnings()) {
+    PrintTextTo(stderr, "warning: %s\n", warning.c_str());
+  }
+  if (absl::Status s = WriteOpticsJson(named, folder + "/optics.json"); !s.ok()) return s;
+  return WriteOpticsReport(named, nullptr, folder + "/optics.html");
+}
+
+}  // namespace
+
+PlanningRun::PlanningRun(PlanOptions& options, PlannerRequest request, const Shard& part,
+                         const EarlierPlan& earlier, std::optional<SearchQuestion> question,
+                         PlanningSession& session, std::chrono::steady_clock::time_point start)
+    : options_(options),
+      part_(part),
+      earlier_(earlier),
+      question_(std::move(question)),
+      session_(session),
+      request_(std::move(request)),
+      start_(start),
+      progress_(kPlanningPhase),
+      search_phase_{kPlanningPhase.begin, kLeastTimePhase.end} {
+  const SceneInfo& scene = session_.client->scene();
+  AddTiming("target points", scene.targets_time_s);
+  AddTiming("visibility data", scene.field_time_s);
+  AddTiming("measurability", scene.measurability_time_s);
+  AddTiming("loading, upload and start of the server", session_.open_time_s - scene.targets_time_s -
+                                                           scene.field_time_s -
+                                                           scene.measurability_time_s);
+  SetGoal(options_, session_.inspection.goal);
+  request_.domain = session_.inspection.domain;
+  request_.goal = session_.inspection.goal;
+  request_.execution = ExecutionModelOf(session_.inspection);
+  request_.scan_time_s =
+      [this, frames = FrameEstimate(session_.inspection.rig, session_.client->scene().part_centre_m,
+                                    session_.client->targets())](const Measurement& scan) {
+        const FrameRange range = frames.Frames(scan);
+        return ScanTimeS(session_.inspection.costs, session_.inspection.rig.scan_step_m,
+                         range.first, range.last);
+      };
+  SetOptions(options_, request_);
+  request_.on_progress = [this](const PlanProgress& p) {
+    Show(p.done,
+         absl::StrFormat("%d scans, %.1f %% %s, %dk evaluations: %s", p.scans, 100 * p.coverage,
+                         session_.ForUncertainty() ? "admissible" : "covered", p.evaluations / 1000,
+                         p.phase));
+  };
+}
+
+absl::Status PlanningRun::Run() {
+  absl::StatusOr<SearchCheckpoint> checkpoint;
+  if (question_) {
+    checkpoint = SearchCheckpoint::Open(options_.checkpoint, session_, *question_, request_,
+                                        options_.bound_evaluations);
+  } else {
+    checkpoint.emplace();
+  }
+  if (!checkpoint.ok()) return checkpoint.status();
+  if (options_.starts.Several()) {
+    if (auto status = SearchFromAllStarts(*checkpoint); !status.ok()) return status;
+    if (!part_.IsWhole()) return absl::OkStatus();
+  } else {
+    if (auto status = checkpoint->KeepAnswers("", &session_); !status.ok()) return status;
+    if (auto status = Search(); !status.ok()) return status;
+  }
+  if (options_.optics && GoesOn()) {
+    if (auto status = PlanOptically(); !status.ok()) return status;
+  }
+  if (bound_) SetBound(session_, *bound_, document_.plan);
+  return WritePlanOutputs(session_, document_, options_.output);
+}
+
+void PlanningRun::Print() const {
+  if (!part_.IsWhole()) {
+    if (!InterruptFlag()) PrintText("shard %d of %d is done\n", part_.number, part_.count);
+    return;
+  }
+  PrintWrapped(absl::StrFormat(
+      "%s%s%s%.1f s from cold start to plan, %.1f s in all with lower bound, better plans, "
+      "reasons, "
+      "pictures and files.\n",
+      SummarisePlan(document_.plan), SummariseStarts(document_.plan),
+      SummariseAsMeasured(document_.plan), time_to_plan_s_, SecondsSince(start_)));
+  if (options_.output.pareto) {
+    PrintText("%s", SummarisePareto(*options_.output.pareto).c_str());
+  }
+  PrintText("plan:   %s\nreport: %s\n",
+            std::filesystem::absolute(options_.output.folder + "/plan.json").c_str(),
+            std::filesystem::absolute(options_.output.folder + "/report.html").c_str());
+}
+
+bool PlanningRun::GoesOn() const { return !InterruptFlag() && !document_.scans.empty(); }
+
+void PlanningRun::AddTiming(const std::string& name, double seconds) {
+  options_.output.timings.push_back({name, seconds});
+}
+
+// Phases of a search are parts of `search_phase_`.
+void PlanningRun::Enter(const ProgressPhase& phase) {
+  const double scale =
+      (search_phase_.end - search_phase_.begin) / (kLeastTimePhase.end - kPlanningPhase.begin);
+  progress_.Enter({search_phase_.begin + (phase.begin - kPlanningPhase.begin) * scale,
+                   search_phase_.begin + (phase.end - kPlanningPhase.begin) * scale});
+}
+
+void PlanningRun::Show(double fraction, const std::string& text) {
+  progress_.Show(fraction, search_name_ + text);
+}
+
+absl::Status PlanningRun::Search() {
+  if (options_.pareto.front) return SearchFront();
+  auto found = MakeBoundedPlan(*session_.oracle, request_, options_.bound_evaluations, Hooks());
+  if (!found.ok()) return found.status();
+  result_ = std::move(found->plan);
+  bound_ = std::move(found->bound);
+  return absl::OkStatus();
+}
+
+absl::Status PlanningRun::SearchFront() {
+  // All plans of a front profit from the bound's scans.
+  if (options_.bound_evaluations > 0) {
+    BeginStep(PlanStep::kBound);
+    const auto bound_start = std::chrono::steady_clock::now();
+    auto bound = BoundScanCount(
+        *session_.oracle, request_.domain, GoalFraction(request_.goal), {},
+        options_.bound_evaluations, request_.seed,
+        [this](const ScanCountBoundProgress& p) { ShowBound(p); }, &InterruptFlag());
+    EndStep(PlanStep::kBound, SecondsSince(bound_start));
+    if (!bound.ok()) return bound.status();
+    bound_ = *std::move(bound);
+    request_.candidates = bound_->generated_columns;
+  }
+  BeginStep(PlanStep::kPlan);
+  const auto plan_start = std::chrono::steady_clock::now();
+  auto result = PlanFront(session_, request_, progress_, &options_.output);
+  EndStep(PlanStep::kPlan, SecondsSince(plan_start));
+  if (!result.ok()) return result.status();
+  result_ = *std::move(result);
+  return Describe(result_);
+}
+
+BoundedPlanHooks PlanningRun::Hooks() {
+  BoundedPlanHooks hooks;
+  hooks.on_begin = [this](PlanStep step) { BeginStep(step); };
+  hooks.on_end = [this](PlanStep step, double seconds) { EndStep(step, seconds); };
+  hooks.on_bound = [this](const ScanCountBoundProgress& progress) { ShowBound(progress); };
+  hooks.on_plan = [this](const PlannerResult& plan) { return Describe(plan); };
+  return hooks;
+}
+
+void PlanningRun::BeginStep(PlanStep step) { Enter(DescriptionOf(step).phase); }
+
+void PlanningRun::EndStep(PlanStep step, double seconds) {
+  progress_.Finish();
+  AddTiming(search_name_ + DescriptionOf(step).timing, seconds);
+  if (step == PlanStep::kPlan) time_to_plan_s_ = SecondsSince(start_);
+}
+
+void PlanningRun::ShowBound(const ScanCountBoundProgress& progress) {
+  Show(static_cast<double>(progress.evaluations) / static_cast<double>(progress.budget),
+       absl::StrFormat("relaxation so far: %.2f scans", progress.bound));
+}
+
+absl::Status PlanningRun::SearchFromAllStarts(SearchCheckpoint& checkpoint) {
+  std::vector<StartResult> starts;
+  size_t best = 0;
+  for (int i = part_.number - 1; i < options_.starts.count; i += part_.count) {
+    // After an interruption the starts planned so far are kept, so that there is a plan.
+    if (InterruptFlag() && !starts.empty()) break;
+    auto start = SearchFromStart(i, checkpoint);
+    if (!start.ok()) return start.status();
+    starts.push_back(*std::move(start));
+    if (!part_.IsWhole()) continue;
+    if (starts.size() > 1 && !IsBetterStart(starts.back(), starts[best])) continue;
+    best = starts.size() - 1;
+    if (auto status = TakeStart(starts[best]); !status.ok()) return status;
+    if (auto status = WritePlan(); !status.ok()) return status;
+  }
+  time_to_plan_s_ = SecondsSince(start_);
+  if (!part_.IsWhole()) return absl::OkStatus();
+  // Starts that came after it have left theirs.
+  if (auto status = TakeStart(starts[best]); !status.ok()) return status;
+  SetStarts(starts, document_.plan);
+  return absl::OkStatus();
+}
+
+absl::StatusOr<StartResult> PlanningRun::SearchFromStart(int index, SearchCheckpoint& checkpoint) {
+  const int count = options_.starts.count;
+  request_.seed = options_.seed + index;
+  if (auto kept = checkpoint.ResultOf(request_.seed)) return *std::move(kept);
+  const double begin = kPlanningPhase.begin;
+  const double width = kLeastTimePhase.end - begin;
+  search_phase_ = {begin + width * index / count, begin + width * (index + 1) / count};
+  search_name_ = absl::StrFormat("start %d of %d: ", index + 1, count);
+  const std::string name = absl::StrCat("-", request_.seed);
+  bound_.reset();
+  if (auto status = checkpoint.KeepAnswers(name, &session_); !status.ok()) return status;
+  const absl::Status searched = Search();
+  checkpoint.LeaveAnswers(&session_);
+  if (!searched.ok()) return searched;
+  StartResult start = StartOf(result_, document_.plan, bound_);
+  // A search that was broken off is to go on another time.
+  if (InterruptFlag()) return start;
+  if (auto status = checkpoint.KeepResult(start, name); !status.ok()) return status;
+  return start;
+}
+
+absl::Status PlanningRun::TakeStart(const StartResult& start) {
+  auto scans = ScansOfStart(session_, start);
+  if (!scans.ok()) return scans.status();
+  auto made = MakePlanDocument(
+      session_, *std::move(scans),
+      {options_.strategy, start.seed, start.evaluations, StopReasonToProto(start.stop_reason)});
+  if (!made.ok()) return made.status();
+  document_ = *std::move(made);
+  bound_ = start.bound;
+  return absl::OkStatus();
+}
+
+absl::Status PlanningRun::Describe(const PlannerResult& result) {
+  auto made = MakePlanDocument(session_, result.scans,
+                               {options_.strategy, request_.seed, result.evaluations,
+                                StopReasonToProto(result.stop_reason)});
+  if (!made.ok()) return made.status();
+  document_ = *std::move(made);
+  // With several searches only the best is written.
+  if (options_.starts.Several()) return absl::OkStatus();
+  if (!earlier_.files.empty()) {
+    if (auto status = DescribeAsMeasured(earlier_, session_, &document_); !status.ok()) {
+      return status;
+    }
+  }
+  return WritePlan();
+}
+
+absl::Status PlanningRun::WritePlan() {
+  // Settings of an earlier plan's scans; with --optics they are made anew.
+  const std::string& folder = options_.output.folder;
+  if (auto status = RemoveFiles(folder, {"optics.json", "optics.html", "optics_report.json"});
+      !status.ok()) {
+    return status;
+  }
+  return WritePlanJson(document_, folder);
+}
+
+absl::Status PlanningRun::PlanOptically() {
+  const auto optics_start = std::chrono::steady_clock::now();
+  const auto optics = PlanWithOptics({options_.session, options_.output.folder,
+                                      options_.optics_rounds, options_.seed, options_.worker},
+                                     request_, &session_, &document_);
+  if (!optics.ok()) return optics.status();
+  AddTiming("planning with optics", SecondsSince(optics_start));
+  return WriteOptics(*optics, options_.output.folder, &document_.plan);
+}
+
+}  // namespace sightline

@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "planner_client/placement/placement_draws.h"
+
+#include <Eigen/Core>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+#include "core/random/counter_random.h"
+
+namespace sightline {
+namespace {
+
+// Whether the part stays untouched between two scans.
+bool SamePlaceOfPart(const ExecutionModel& model, const Measurement& a, const Measurement& b) {
+  constexpr double kSame = 1e-9;  // rad or m
+  const auto same_angle = [](double a_rad, double b_rad) {
+    return std::abs(std::remainder(a_rad - b_rad, 2 * std::numbers::pi)) < kSame;
+  };
+  return SameRest(model, a, b) && same_angle(a.part_gamma_rad, b.part_gamma_rad) &&
+         std::abs(a.offset_y_m - b.offset_y_m) < kSame &&
+         std::abs(a.offset_z_m - b.offset_z_m) < kSame;
+}
+
+Eigen::Vector3d NormalVector(CounterRandom& random, double standard_deviation) {
+  // One after the other: arguments of a constructor have no order.
+  const double x = random.Normal(), y = random.Normal(), z = random.Normal();
+  return standard_deviation * Eigen::Vector3d(x, y, z);
+}
+
+}  // namespace
+
+PlacementModel PlacementModelOf(const Inspection& inspection) {
+  PlacementModel model;
+  model.errors = inspection.placement;
+  model.rig = inspection.rig;
+  model.execution = ExecutionModelOf(inspection);
+  model.rigid_head =
+      inspection.sensor_mount == SensorMount::kRigid || model.execution.robot_holds_head;
+  model.on_table =
+      inspection.part_holding == PartHolding::kResting && !model.execution.robot_holds_part;
+  return model;
+}
+
+PlacementDraws::PlacementDraws(PlacementModel model, std::span<const Measurement> scans)
+    : model_(std::move(model)) {
+  const ExecutionModel& execution = model_.execution;
+  for (size_t i = 0; i < scans.size(); ++i) {
+    geometries_.push_back(MakeScanGeometry(model_.rig, scans[i]));
+    const bool sensors_stay = i > 0 && !execution.robot_holds_head &&
+                              SamePlaceOfSensors(execution, scans[i - 1], scans[i]);
+    const bool part_stays =
+        i > 0 && !execution.robot_holds_part && SamePlaceOfPart(execution, scans[i - 1], scans[i]);
+    sensor_placings_.push_back(sensors_stay ? sensor_placings_.back() : i);
+    part_placings_.push_back(part_stays ? part_placings_.back() : i);
+    if (sensors_stay || part_stays) {
+      group_ends_.back() = i + 1;
+    } else {
+      group_ends_.push_back(i + 1);
+    }
+  }
+}
+
+std::vector<ScanDisplacement> PlacementDraws::Draw(uint64_t seed, uint32_t execution) const {
+  const PlacementErrors& errors = model_.errors;
+  std::vector<ScanDisplacement> displacements;
+  for (size_t i = 0; i < geometries_.size(); ++i) {
+    CounterRandom sensors(DeriveSeed(seed, "sensors"), sensor_placings_[i], execution);
+    CounterRandom part(DeriveSeed(seed, "part"), part_placings_[i], execution);
+    const auto draw = [](CounterRandom& random, double position_m, double angle_rad) {
+      Displacement displacement;
+      displacement.rotation_rad = NormalVector(random, angle_rad);
+      displacement.translation_m = NormalVector(random, position_m);
+      return displacement;
+    };
+    ScanDisplacement& displacement = displacements.emplace_back();
+    displacement.part = draw(part, errors.part_position_m, errors.part_angle_rad);
+    if (model_.on_table) displacement.part.rotation_rad.head<2>().setZero();
+    displacement.camera = draw(sensors, errors.sensor_position_m, errors.sensor_angle_rad);
+    if (!model_.rigid_head) {
+      displacement.laser = draw(sensors, errors.sensor_position_m, errors.sensor_angle_rad);
+      continue;
+    }
+    // The laser turns about the camera's pupil.
+    const Eigen::Vector3d arm_m = geometries_[i].laser.origin_m - geometries_[i].camera.origin_m;
+    displacement.laser = displacement.camera;
+    displacement.laser.translation_m += displacement.camera.Rotation() * arm_m - arm_m;
+  }
+  return displacements;
+}
+
+}  // namespace sightline

@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "planner_client/strategy/bounded_plan.h"
+
+#include <algorithm>
+#include <chrono>
+#include <utility>
+#include <vector>
+
+#include "planner_client/strategy/execution/least_time_plan.h"
+#include "planner_client/strategy/generated_columns_plan.h"
+
+namespace sightline {
+namespace {
+
+class BoundedSearch {
+ public:
+  BoundedSearch(GainOracle& oracle, const PlannerRequest& request, int64_t bound_evaluations,
+                const BoundedPlanHooks& hooks)
+      : oracle_(oracle), request_(request), bound_evaluations_(bound_evaluations), hooks_(hooks) {}
+
+  absl::StatusOr<BoundedPlan> Run() {
+    if (auto status = SearchFewest(); !status.ok()) return status;
+    if (!Interrupted() && WantsLeastTime(request_)) {
+      if (auto status = PlanLeastTime(); !status.ok()) return status;
+    }
+    return std::move(found_);
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+
+  static double SecondsSince(Clock::time_point start) {
+    return std::chrono::duration<double>(Clock::now() - start).count();
+  }
+
+  bool Interrupted() const { return request_.interrupted != nullptr && *request_.interrupted; }
+
+  // Runs `step` between the calls of its hooks.
+  template <typename Step>
+  auto During(PlanStep name, const Step& step) {
+    if (hooks_.on_begin) hooks_.on_begin(name);
+    const Clock::time_point start = Clock::now();
+    auto result = step();
+    const double seconds = SecondsSince(start);
+    if (name == PlanStep::kPlan) draft_s_ = seconds;
+    if (hooks_.on_end) hooks_.on_end(name, seconds);
+    return result;
+  }
+
+  // The request with what is left of its time after `used_s`; unset: nothing is left.
+  std::optional<PlannerRequest> WithTimeLeft(double used_s) const {
+    PlannerRequest request = request_;
+    if (request.goal.max_time_s) {
+      *request.goal.max_time_s -= used_s;
+      if (*request.goal.max_time_s <= 0) return std::nullopt;
+    }
+    return request;
+  }
+
+  absl::Status Tell() { return hooks_.on_plan ? hooks_.on_plan(found_.plan) : absl::OkStatus(); }
+
+  std::vector<Measurement> Scans() const {
+    std::vector<Measurement> scans;
+    for (const ChosenScan& scan : found_.plan.scans) scans.push_back(scan.measurement);
+    return scans;
+  }
+
+  absl::Status SearchFewest() {
+    PlannerRequest request = request_;
+    // The bound's scans are better than those of a longer search without them.
+    request.draft = bound_evaluations_ > 0;
+    auto draft = During(PlanStep::kPlan, [&] { return MakePlan(oracle_, request); });
+    if (!draft.ok()) return draft.status();
+    found_.plan = *std::move(draft);
+    if (auto status = Tell(); !status.ok()) return status;
+    if (bound_evaluations_ == 0 || Interrupted() || found_.plan.scans.empty()) {
+      return absl::OkStatus();
+    }
+    if (auto status = FindBound(); !status.ok()) return status;
+    if (auto status = PlanAgain(); !status.ok() || Interrupted()) return status;
+    if (found_.plan.stop_reason != StopReason::kGoalReached) return absl::OkStatus();
+    return TakeIntoAccount(oracle_, request_.domain, Scans(), *found_.bound);
+  }
+
+  // Bounds the number of scans for the fraction that the draft satisfies, at most the goal.
+  absl::Status FindBound() {
+    const double satisfied =
+        static_cast<double>(found_.plan.score.settled) /
+        static_cast<double>(std::max<int64_t>(1, oracle_.measurable().Count()));
+    auto bound = During(PlanStep::kBound, [&] {
+      return BoundScanCount(
+          oracle_, request_.domain, std::min(GoalFraction(request_.goal), satisfied), Scans(),
+          bound_evaluations_, request_.seed, hooks_.on_bound, request_.interrupted);
+    });
+    if (!bound.ok()) return bound.status();
+    found_.bound = *std::move(bound);
+    return absl::OkStatus();
+  }
+
+  absl::Status PlanAgain() {
+    const auto request = WithTimeLeft(draft_s_);
+    if (!request || Interrupted()) return absl::OkStatus();
+    const size_t before = found_.plan.scans.size();
+    auto plan = During(PlanStep::kPlanAgain, [&] {
+      return PlanWithGeneratedColumns(oracle_, *request, std::move(found_.plan), *found_.bound);
+    });
+    if (!plan.ok()) return plan.status();
+    found_.plan = *std::move(plan);
+    return found_.plan.scans.size() < before ? Tell() : absl::OkStatus();
+  }
+
+  absl::Status PlanLeastTime() {
+    const auto request = WithTimeLeft(SecondsSince(start_));
+    if (!request) return absl::OkStatus();
+    std::vector<Measurement> good;
+    if (found_.bound) good = found_.bound->generated_columns;
+    auto plan = During(PlanStep::kLeastTime, [&] {
+      return PlanInLeastTime(oracle_, *request, std::move(found_.plan), good);
+    });
+    if (!plan.ok()) return plan.status();
+    found_.plan = *std::move(plan);
+    return Tell();
+  }
+
+  GainOracle& oracle_;
+  const PlannerRequest& request_;
+  const int64_t bound_evaluations_;
+  const BoundedPlanHooks& hooks_;
+  BoundedPlan found_;
+  const Clock::time_point start_ = Clock::now();
+  double draft_s_ = 0;
+};
+
+}  // namespace
+
+absl::StatusOr<BoundedPlan> MakeBoundedPlan(GainOracle& oracle, const PlannerRequest& request,
+                                            int64_t bound_evaluations,
+                                            const BoundedPlanHooks& hooks) {
+  return BoundedSearch(oracle, request, bound_evaluations, hooks).Run();
+}
+
+}  // namespace sightline
