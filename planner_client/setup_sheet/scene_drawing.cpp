@@ -11,6 +11,9 @@ namespace sightline {
 namespace {
 
 constexpr double kWidth = 360, kHeight = 260, kMargin = 34;
+// Half the width of a letter and half the height of a line of text, and the baseline below the
+// middle.
+constexpr double kHalfLetter = 3.9, kHalfLine = 9, kBaseline = 5;
 
 using Subject = v1::DrawnShape::Subject;
 using Kind = v1::DrawnShape::Kind;
@@ -47,16 +50,17 @@ class Canvas {
     dot.set_radius(radius);
   }
 
-  // `away`: of the text's middle from the place, in units of the drawing, y up.
+  // `away` is the way from the place to the middle of the text, in units of the drawing, y up. The
+  // text moves from there to the nearest place where it is inside the drawing and covers no earlier
+  // text.
   void Text(const Eigen::Vector2d& place_m, const Eigen::Vector2d& away, const std::string& text) {
-    const Eigen::Vector2d place = At(place_m);
-    // Texts stay inside the drawing: about 7.8 units a letter of 15.
-    const double half = 3.9 * static_cast<double>(text.size());
-    const double x = std::clamp(place.x() + away.x(), std::min(half, kWidth / 2),
-                                std::max(kWidth - half, kWidth / 2));
-    const double y = std::clamp(place.y() - away.y() + 5, 15.0, kHeight - 4);
+    const Eigen::Vector2d half(std::min(kHalfLetter * static_cast<double>(text.size()), kWidth / 2),
+                               kHalfLine);
+    const Eigen::Vector2d wanted = At(place_m) + Eigen::Vector2d(away.x(), -away.y());
+    const Eigen::AlignedBox2d box = FreeBox(wanted, half);
+    texts_.push_back(box);
     v1::DrawnShape& shape = Add(v1::DrawnShape::TEXT, v1::DrawnShape::PLAIN);
-    AddPoint({x, y}, &shape);
+    AddPoint(box.center() + Eigen::Vector2d(0, kBaseline), &shape);
     shape.set_text(text);
   }
 
@@ -82,6 +86,31 @@ class Canvas {
   }
 
  private:
+  // Boxes on circles around the wanted place are tried, the nearest first.
+  Eigen::AlignedBox2d FreeBox(const Eigen::Vector2d& wanted, const Eigen::Vector2d& half) const {
+    constexpr int kDirections = 16;
+    constexpr double kStep = 3, kFarthest = 90;
+    const Eigen::Vector2d limit(kWidth, kHeight);
+    const auto inside = [&](const Eigen::Vector2d& middle) {
+      const Eigen::Vector2d kept = middle.cwiseMax(half).cwiseMin(limit - half);
+      return Eigen::AlignedBox2d(kept - half, kept + half);
+    };
+    const auto is_free = [&](const Eigen::AlignedBox2d& box) {
+      return std::none_of(texts_.begin(), texts_.end(), [&](const Eigen::AlignedBox2d& other) {
+        return !box.intersection(other).isEmpty();
+      });
+    };
+    for (double radius = 0; radius <= kFarthest; radius += kStep) {
+      for (int i = 0; i < kDirections; ++i) {
+        const double angle = 2 * std::numbers::pi * i / kDirections;
+        const Eigen::AlignedBox2d box =
+            inside(wanted + radius * Eigen::Vector2d(std::sin(angle), std::cos(angle)));
+        if (is_free(box)) return box;
+      }
+    }
+    return inside(wanted);
+  }
+
   v1::DrawnShape& Add(Kind kind, Subject subject) {
     v1::DrawnShape& shape = *drawing_.add_shapes();
     shape.set_kind(kind);
@@ -97,6 +126,7 @@ class Canvas {
 
   double scale_ = 1;
   Eigen::Vector2d centre_m_;
+  std::vector<Eigen::AlignedBox2d> texts_;
   v1::ReportDrawing drawing_;
 };
 

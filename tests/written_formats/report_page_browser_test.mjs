@@ -20,6 +20,7 @@ const folder = mkdtempSync(join(tmpdir(), 'sightline-report-page-'));
 execFileSync(program, [folder]);
 const REPORTS = ['diagnosis_report', 'optics_report', 'sensor_report', 'verification_report'];
 const PLANS = ['plan_report', 'full_plan_report', 'setup'];
+const PAGE_TIMEOUT_MS = 120000;
 const browser = await chromium.launch({
   executablePath, headless: true, args: ['--no-sandbox', '--disable-gpu', '--enable-unsafe-swiftshader'],
 });
@@ -28,6 +29,8 @@ const browser = await chromium.launch({
 async function withPage(file, use, options = {}) {
   const context = await browser.newContext({viewport: {width: 1400, height: 900}, ...options});
   const page = await context.newPage();
+  // It only ends a test that hangs.
+  page.setDefaultTimeout(PAGE_TIMEOUT_MS);
   const errors = [];
   page.on('pageerror', (error) => errors.push(error.message));
   page.on('console', (message) => { if (message.type() === 'error') errors.push(message.text()); });

@@ -27,12 +27,6 @@ async function reach(path, options) {
 
 export const get = async (path) => answer(await reach(path));
 
-export const getText = async (path) => {
-  const response = await reach(path);
-  if (!response.ok) return answer(response);
-  return response.text();
-};
-
 export const post = async (path, body = {}) => answer(await reach(path, {
   method: 'POST', headers: {'Content-Type': 'application/json'}, body: JSON.stringify(body),
 }));

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The explorer's page: sliders to the server, its numbers, picture and plan to the screen.
-import {get, getText, post} from './api.js';
+import {get, post} from './api.js';
 import {Controls} from './controls.js';
-import {fillLegend, PartView} from './part_view.js';
+import {Legend, PartView} from './part_view.js';
 import {PlanList} from './plan_list.js';
 import {tidy} from './parameter.js';
 
@@ -22,7 +22,7 @@ class Explorer {
     $('name').textContent = this.setup.name || this.setup.part;
     this.controls = new Controls(this.setup, $('parameters'), $('settings'), (released) => this.moved(released));
     $('settings-note').textContent = this.settingsNote();
-    this.legend = fillLegend($('legend'));
+    this.legend = new Legend($('legend'));
     this.list = new PlanList($('scans'), $('no-scans'), (action, index, to) => this.change({action, index, ...(to === null ? {} : {to})}));
     this.loaded = null;  // index of the plan's scan that is in the sliders to be replaced
     this.asked = 0;      // number of the latest question; answers to earlier ones are dropped
@@ -43,7 +43,7 @@ class Explorer {
 
   async openView() {
     try {
-      this.view = await PartView.open($('canvas'), $('frame'), await getText('api/scene'));
+      this.view = this.legend.view = new PartView($('canvas'), $('frame'), await get('api/scene'));
     } catch (error) {
       console.warn(error);
       this.view = null;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The 3-D view: the report's scene, coloured by the targets that the plan and this scan measure.
 import {hasBit, readScene} from '../../report/viewer/data.js';
+import {legendLine} from '../../report/viewer/legend.js';
 import {COVERED, NEVER, NEW, PartScene, UNMEASURABLE} from '../../report/viewer/scene.js';
 
 const LEGEND = [
@@ -26,16 +27,12 @@ export function targetStates(count, measurable, plan, scan) {
 }
 
 export class PartView {
-  /** Fails if there is no WebGL. `sceneText` is a ReportScene in JSON. */
-  static async open(canvas, frame, sceneText) {
-    return new PartView(canvas, frame, await readScene(JSON.parse(sceneText)));
-  }
-
-  constructor(canvas, frame, data) {
-    this.data = data;
+  /** Throws if there is no WebGL. `scene` is a ReportScene. */
+  constructor(canvas, frame, scene) {
+    this.data = readScene(scene);
     this.scene = new PartScene(canvas, this.data);
     this.scene.setPalette(['--covered', '--new', '--later', '--never', '--unmeasurable'].map(css), css('--edge'), css('--edge-ghost'));
-    this.scene.setShown([1, 1, 1, 1, 1]);
+    this.scene.setShown([true, true, true, true, true]);
     this.scene.showRig(true);
     this.scene.onViewChange = (aspect) => {
       frame.hidden = aspect === null;
@@ -52,9 +49,14 @@ export class PartView {
     this.scene.showRig(true);
     this.setStage(this.fraction);
     const {count, measurable} = this.data.targets;
-    this.scene.setStates(targetStates(count, measurable, bytesOf(plan), bytesOf(scan)), null);
+    this.states = targetStates(count, measurable, bytesOf(plan), bytesOf(scan));
+    this.recolour();
     if (this.first) this.scene.view('scan');
     this.first = false;
+  }
+
+  recolour() {
+    if (this.states) this.scene.setStates(this.states, null);
   }
 
   setStage(fraction) {
@@ -62,29 +64,32 @@ export class PartView {
     this.scene.setStage(fraction);
   }
 
+  /** By state, whether its surface is drawn. */
+  setShown(shown) {
+    this.scene.setShown(shown);
+    this.recolour();
+  }
+
   view(kind) {
     this.scene.view(kind);
   }
 }
 
-/** Names the colours; counts are filled in by the caller. */
-export function fillLegend(list) {
-  const counts = new Map();
-  for (const [state, colour, name] of LEGEND) {
-    const item = document.createElement('li');
-    const swatch = document.createElement('span');
-    swatch.className = 'swatch';
-    swatch.style.background = `var(${colour})`;
-    const count = document.createElement('span');
-    count.className = 'soft';
-    item.append(swatch, name, ' ', count);
-    list.append(item);
-    counts.set(state, count);
+/** Colours and counts, with boxes that hide the surface in a state. `view` may come later or not at all. */
+export class Legend {
+  constructor(list) {
+    this.list = list;
+    this.shown = [true, true, true, true, true];
   }
-  return {
-    show(fresh, plan, measurable, targets) {
-      const text = {[NEW]: fresh, [COVERED]: plan, [NEVER]: measurable - plan - fresh, [UNMEASURABLE]: targets - measurable};
-      for (const [state, count] of counts) count.textContent = text[state];
-    },
-  };
+
+  show(fresh, plan, measurable, targets) {
+    const counts = {[NEW]: fresh, [COVERED]: plan, [NEVER]: measurable - plan - fresh, [UNMEASURABLE]: targets - measurable};
+    const focused = [...this.list.children].findIndex((line) => line.contains(document.activeElement));
+    this.list.replaceChildren(...LEGEND.map(([state, colour, name]) =>
+      legendLine(`var(${colour})`, name, counts[state], this.shown[state], (shown) => {
+        this.shown[state] = shown;
+        this.view?.setShown(this.shown);
+      })));
+    this.list.children[focused]?.querySelector('input').focus();
+  }
 }

@@ -3,10 +3,10 @@
 import {
   Box3, Box3Helper, BoxGeometry, BufferAttribute, BufferGeometry, Color, CylinderGeometry, DataTexture, DoubleSide,
   EdgesGeometry, FloatType, Group, LineBasicMaterial, LineSegments, Matrix4, Mesh,
-  MeshBasicMaterial, MeshLambertMaterial, HemisphereLight, DirectionalLight, NearestFilter,
-  PerspectiveCamera, Points, Quaternion, Raycaster, RedFormat, Scene, ShaderMaterial, SphereGeometry, Vector2, Vector3, WebGLRenderer,
+  MeshBasicMaterial, MeshLambertMaterial, NearestFilter,
+  Points, Quaternion, Raycaster, RedFormat, ShaderMaterial, SphereGeometry, Vector2, Vector3,
 } from 'three';
-import {OrbitControls} from 'three/examples/jsm/controls/OrbitControls.js';
+import {FIELD_OF_VIEW_DEG, FROM_OUTSIDE, Stage} from './stage.js';
 import {Obstacle, regionBox} from './surroundings.js';
 
 // States of a target. Weights of the first four go to the GPU; the rest is unmeasurable.
@@ -154,23 +154,11 @@ class LaserShadow {
   }
 }
 
-export class PartScene {
+export class PartScene extends Stage {
   /** Throws if there is no WebGL. */
   constructor(canvas, data) {
-    this.canvas = canvas;
+    super(canvas);
     this.data = data;
-    this.renderer = new WebGLRenderer({canvas, antialias: true, alpha: true});
-    this.renderer.setPixelRatio(Math.min(2, window.devicePixelRatio || 1));
-    this.scene = new Scene();
-    this.scene.add(new HemisphereLight(0xffffff, 0x8a8f96, 2.4));
-    const sun = new DirectionalLight(0xffffff, 1.4);
-    sun.position.set(-1, -2, 3);
-    this.scene.add(sun);
-    this.camera = new PerspectiveCamera(32, 1, 0.001, 50);
-    this.camera.up.set(0, 0, 1);
-    this.controls = new OrbitControls(this.camera, canvas);
-    this.controls.addEventListener('change', () => this.draw());
-    this.controls.addEventListener('start', () => this.leaveCameraView());
     this.min = new Vector3(...data.partMin);
     this.max = new Vector3(...data.partMax);
     this.centre = this.min.clone().add(this.max).multiplyScalar(0.5);
@@ -184,7 +172,6 @@ export class PartScene {
     this.scene.add(this.rig, this.box);
     this.addSurroundings();
     this.reportClicks();
-    new ResizeObserver(() => this.resize()).observe(canvas.parentElement);
     this.resize();
     this.view('part');
   }
@@ -495,7 +482,7 @@ void main() {
       const centre = bounds.getCenter(new Vector3());
       // From the side of the scanner, so that both the fan and the triangulation angle show.
       const along = new Vector3(...this.scan.sensor_direction);
-      const sign = (v) => (v.dot(new Vector3(-0.75, -1.25, 0.95)) < 0 ? -1 : 1);
+      const sign = (v) => (v.dot(FROM_OUTSIDE) < 0 ? -1 : 1);
       const direction = x.multiplyScalar(0.8 * sign(x)).addScaledVector(along, 0.6 * sign(along)).addScaledVector(z, -0.35);
       direction.normalize();
       direction.z = (z.z > 0.2 ? -1 : 1) * Math.max(0.5, Math.abs(direction.z));
@@ -505,21 +492,23 @@ void main() {
     }
   }
 
-  /** Shows a ball; from `direction` if given. */
-  lookAt(centre, radius, direction = new Vector3(-0.75, -1.25, 0.95)) {
+  lookAt(centre, radius, direction) {
     this.leaveCameraView();
-    const halfAngle = Math.PI / 180 * 0.5 * this.camera.fov;
-    const distance = 1.04 * radius / Math.sin(Math.min(halfAngle, Math.atan(Math.tan(halfAngle) * this.camera.aspect)));
-    this.controls.target.copy(centre);
-    this.camera.position.copy(centre).addScaledVector(direction.clone().normalize(), distance);
-    this.controls.update();
-    this.draw();
+    super.lookAt(centre, radius, direction);
+  }
+
+  home() {
+    this.view('part');
   }
 
   /** Outlines a box; null: none. */
   outline(box) {
     this.box.visible = box !== null;
     if (box) this.box.box.set(new Vector3(...box.min_m), new Vector3(...box.max_m));
+  }
+
+  beforeTurning() {
+    this.leaveCameraView();
   }
 
   leaveCameraView() {
@@ -532,29 +521,13 @@ void main() {
 
   setProjection() {
     this.onViewChange?.(this.inCameraView ? this.data.rig.aspect : null);
-    this.camera.fov = this.inCameraView ? 180 / Math.PI * this.data.rig.vertical_fov_rad : 32;
+    this.camera.fov = this.inCameraView ? 180 / Math.PI * this.data.rig.vertical_fov_rad : FIELD_OF_VIEW_DEG;
     this.camera.updateProjectionMatrix();
   }
 
-  resize() {
-    const {clientWidth: width, clientHeight: height} = this.canvas.parentElement;
-    if (!width || !height) return;
-    this.renderer.setSize(width, height, false);
-    this.camera.aspect = width / height;
+  resized() {
     this.setProjection();
-    this.points.material.uniforms.scale.value =
-        this.renderer.getPixelRatio() * height / (2 * Math.tan(Math.PI / 180 * 0.5 * this.camera.fov));
-    this.drawNow();
-  }
-
-  draw() {
-    if (this.pending) return;
-    this.pending = true;
-    requestAnimationFrame(() => this.drawNow());
-  }
-
-  drawNow() {
-    this.pending = false;
-    this.renderer.render(this.scene, this.camera);
+    this.points.material.uniforms.scale.value = this.renderer.getPixelRatio() * this.container.clientHeight /
+        (2 * Math.tan(Math.PI / 180 * 0.5 * this.camera.fov));
   }
 }

@@ -2,13 +2,13 @@
 // Controls of the view in three dimensions, and tables and charts that steer it.
 import {Color, Vector3} from 'three';
 import {dominatingParts, firstScans, hasBit, readScene} from './data.js';
+import {grouped, legendLine, swatch} from './legend.js';
 import {COVERED, LATER, NEVER, NEW, PartScene, UNMEASURABLE} from './scene.js';
 import {CLASS_STATES, lengthText, LogScale, PART_STATES, SCALE_STATES} from './uncertainty.js';
 
 const $ = (selector) => document.querySelector(selector);
 const all = (selector) => [...document.querySelectorAll(selector)];
 const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-const grouped = (n) => String(n).replace(/\B(?=(\d{3})+$)/g, '\u202f');
 
 const STATES = [
   [COVERED, '--covered', 'measured'],
@@ -25,6 +25,9 @@ const STATES_OF = {class: CLASS_STATES, dominant: PART_STATES, u: SCALE_STATES, 
 // Well apart for neighbours in number: the hue turns by the golden angle.
 const scanColour = (number) => new Color().setStyle(
     `hsl(${Math.round(190 + 137.508 * (number - 1)) % 360}, 52%, ${number % 2 ? 54 : 64}%)`, '');
+
+// Meaning of the colours where one scan is shown alone.
+const OF_SCAN_ALONE = {[COVERED]: 'measured before, too', [NEW]: 'new with this scan', [LATER]: 'not by this scan'};
 
 const STEERING = 'tr[data-scan], tr[data-region], tr[data-feature], circle[data-scan]';
 
@@ -309,30 +312,11 @@ class Viewer {
 
   /** A line of the legend, whose box shows and hides the surface in a state. */
   legendEntry(state, colour, text, count) {
-    return this.legendLine(colour, text, count, this.shown[state], (shown) => {
+    return legendLine(colour, text, count, this.shown[state], (shown) => {
       this.shown[state] = shown;
-    });
-  }
-
-  legendLine(colour, text, count, shown, show) {
-    const label = document.createElement('label');
-    const box = document.createElement('input');
-    box.type = 'checkbox';
-    box.checked = shown;
-    box.addEventListener('change', () => {
-      show(box.checked);
+      if (this.colour === 'first' && state === COVERED) this.shown[NEW] = shown;
       this.recolour();
     });
-    const swatch = document.createElement('span');
-    swatch.className = 'swatch';
-    swatch.style.background = colour;
-    const words = document.createElement('span');
-    words.textContent = text;
-    const number = document.createElement('span');
-    number.className = 'count';
-    number.textContent = grouped(count);
-    label.append(box, swatch, words, number);
-    return label;
   }
 
   recolourReasons() {
@@ -348,8 +332,9 @@ class Viewer {
     let uncovered = 0;
     kinds.forEach(({reason, text, targets = 0}, i) => {
       uncovered += targets;
-      legend.append(this.legendLine(`var(--reason-${reason})`, text, targets, this.shownReasons[i], (shown) => {
+      legend.append(legendLine(`var(--reason-${reason})`, text, targets, this.shownReasons[i], (shown) => {
         this.shownReasons[i] = shown;
+        this.recolour();
       }));
     });
     legend.append(this.legendEntry(COVERED, 'var(--plain)', 'measured', ofTarget.length - uncovered));
@@ -404,39 +389,17 @@ class Viewer {
   showLegend(counts, perScan) {
     const legend = $('#legend');
     legend.replaceChildren();
-    const swatch = (colour) => {
-      const element = document.createElement('span');
-      element.className = 'swatch';
-      element.style.background = colour;
-      return element;
-    };
-    for (const [state, , text] of STATES) {
+    const words = this.colour === 'alone' ? OF_SCAN_ALONE : {};
+    for (const [state, colour, text] of STATES) {
       if (this.colour === 'first' && state === NEW) continue;
       if (this.colour === 'alone' && state === NEVER) continue;
       if (counts[state] === 0 && state !== NEVER) continue;
-      const label = document.createElement('label');
-      const box = document.createElement('input');
-      box.type = 'checkbox';
-      box.checked = this.shown[state];
-      box.dataset.state = state;
-      box.addEventListener('change', () => {
-        this.shown[state] = box.checked;
-        if (this.colour === 'first' && state === COVERED) this.shown[NEW] = box.checked;
-        this.recolour();
-      });
-      const words = document.createElement('span');
-      words.textContent = this.colour === 'alone' ?
-        {[COVERED]: 'measured before, too', [NEW]: 'new with this scan', [LATER]: 'not by this scan'}[state] ?? text : text;
-      const count = document.createElement('span');
-      count.className = 'count';
       const sum = this.colour === 'first' && state === COVERED ? counts[COVERED] + counts[NEW] : counts[state];
-      count.textContent = grouped(sum);
-      label.append(box, swatch(`var(${STATES[state][1]})`), words, count);
-      legend.append(label);
+      legend.append(this.legendEntry(state, `var(${colour})`, words[state] ?? text, sum));
     }
     if (this.colour !== 'first') return;
     const grid = document.createElement('div');
-    grid.style.cssText = 'display:grid;grid-template-columns:repeat(auto-fill,minmax(58px,1fr));gap:2px 6px;margin-top:6px';
+    grid.className = 'of-scans';
     for (let n = 1; n <= this.scan; ++n) {
       const label = document.createElement('label');
       label.title = `scan ${n}: ${perScan[n]} targets measured first`;
@@ -552,8 +515,19 @@ function showFallback(reason) {
   }
 }
 
-/** Shows the scene of a report in the copy of scene.html that stands in the page. */
-async function showScene(raw) {
+function start(raw) {
+  try {
+    const data = readScene(raw);
+    $('#viewer').hidden = false;
+    new Viewer(new PartScene($('#canvas'), data), data);
+    $('#fallback').hidden = true;
+  } catch (error) {
+    showFallback(`The interactive view could not start: ${error.message}`);
+  }
+}
+
+/** Shows the scene of a report in the copy of scene.html that stands in the page, once texts and tables are drawn. */
+function showScene(raw) {
   if (raw.picture_png) {
     $('#fallback-picture').src = `data:image/png;base64,${raw.picture_png}`;
     $('#fallback-picture').hidden = false;
@@ -562,14 +536,7 @@ async function showScene(raw) {
     showFallback('The interactive view needs WebGL, which is not available here.');
     return;
   }
-  try {
-    const data = await readScene(raw);
-    $('#viewer').hidden = false;
-    new Viewer(new PartScene($('#canvas'), data), data);
-    $('#fallback').hidden = true;
-  } catch (error) {
-    showFallback(`The interactive view could not start: ${error.message}`);
-  }
+  requestAnimationFrame(() => setTimeout(() => start(raw)));
 }
 
 globalThis.sightlineShowScene = showScene;

@@ -193,6 +193,55 @@ TEST(SetUpSheet, DrawingsStayInsideOfTheirFrames) {
   EXPECT_EQ(drawings, 6);
 }
 
+// Texts of a drawing as boxes: half of a box is 3.5 units wide a letter and 7 high.
+std::vector<Eigen::AlignedBox2d> TextBoxes(const v1::ReportDrawing& drawing) {
+  std::vector<Eigen::AlignedBox2d> boxes;
+  for (const v1::DrawnShape& shape : drawing.shapes()) {
+    if (shape.kind() != v1::DrawnShape::TEXT) continue;
+    const Eigen::Vector2d middle(shape.x(0), shape.y(0) - 5);
+    const Eigen::Vector2d half(3.5 * static_cast<double>(shape.text().size()), 7);
+    boxes.emplace_back(middle - half, middle + half);
+  }
+  return boxes;
+}
+
+TEST(SceneDrawing, TextsDoNotCoverEachOther) {
+  const auto sensor = [](double angle_deg, double distance_m) {
+    const double angle = angle_deg * std::numbers::pi / 180;
+    Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+    pose.linear() << 0, 1, 0, 1, 0, 0, 0, 0, -1;
+    pose.translation() = distance_m * Eigen::Vector3d(std::sin(angle), 0, std::cos(angle));
+    return pose;
+  };
+  for (const double camera_deg : {-80., -30., -1., 0., 3., 45., 89.}) {
+    for (const double between_deg : {-60., -10., 10., 35.}) {
+      for (const double travel_m : {0., 0.02, 0.6}) {
+        DrawnScene scene;
+        scene.frames.camera = sensor(camera_deg, 0.4);
+        scene.frames.laser = sensor(camera_deg + between_deg, 0.35);
+        for (const double x : {-0.05, 0.05}) {
+          for (const double y : {-0.03, 0.03}) {
+            for (const double z : {-0.02, 0.}) scene.part_points_m.emplace_back(x, y, z);
+          }
+        }
+        scene.centre_at_start_m.x() = -travel_m / 2;
+        scene.centre_at_end_m.x() = travel_m / 2;
+        for (const v1::ReportDrawing& drawing : {SideView(scene), TopView(scene)}) {
+          const std::vector<Eigen::AlignedBox2d> boxes = TextBoxes(drawing);
+          EXPECT_GE(boxes.size(), 5u);
+          for (size_t i = 0; i < boxes.size(); ++i) {
+            for (size_t j = 0; j < i; ++j) {
+              EXPECT_TRUE(boxes[i].intersection(boxes[j]).isEmpty())
+                  << "camera at " << camera_deg << ", laser " << between_deg
+                  << " beside it, travel " << travel_m << ": texts " << i << " and " << j;
+            }
+          }
+        }
+      }
+    }
+  }
+}
+
 TEST(SetUpSheet, RefusesWhatDoesNotFit) {
   SetUpSheet sheet = Sample();
   sheet.pictures_png.pop_back();

@@ -42,15 +42,24 @@ function sectionElements(sections: Section[]): HTMLElement[] {
   return made;
 }
 
-/** Folded parts are printed too, charts in the width of the paper. */
+/** Folded parts are printed, too. A browser repeats the head of a table on every page only without buttons in it. */
 function prepareForPrint(): void {
   let opened: HTMLDetailsElement[] = [];
+  let sortedHeads: { head: HTMLElement; button: HTMLElement }[] = [];
   window.addEventListener('beforeprint', () => {
     opened = [...document.querySelectorAll('details')].filter((part) => !part.open && !part.classList.contains('values'));
     for (const part of opened) part.open = true;
+    sortedHeads = [...document.querySelectorAll<HTMLElement>('th > button.sort')].map((button) =>
+      ({head: button.parentElement as HTMLElement, button}));
+    for (const {head, button} of sortedHeads) head.replaceChildren(...button.childNodes);
   });
   window.addEventListener('afterprint', () => {
     for (const part of opened) part.open = false;
+    for (const {head, button} of sortedHeads) {
+      button.replaceChildren(...head.childNodes);
+      head.append(button);
+    }
+    sortedHeads = [];
   });
 }
 
