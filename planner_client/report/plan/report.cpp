@@ -56,6 +56,15 @@ ReportBlocks AccuracyBlocks(const ReportData& data) {
     fresh.push_back(PercentFact("Admissible, on validation targets",
                                 uncertainty.fresh_admissible_fraction(), 2));
   }
+  if (coverage.has_placement_p5()) {
+    const v1::Placement& placement = data.plan.placement();
+    fresh.push_back(PercentFact(
+        "Measured in 95 of 100 executions", coverage.placement_p5(), 2,
+        absl::StrFormat("or more; standard deviations of placing the part %.3g mm and %.3g\u00b0, "
+                        "the sensors %.3g mm and %.3g\u00b0",
+                        1e3 * placement.part_position_m(), placement.part_angle_deg(),
+                        1e3 * placement.sensor_position_m(), placement.sensor_angle_deg())));
+  }
   ReportBlocks blocks = {
       RemarkBlock(
           "Every number in this report comes from the exact, frame-by-frame evaluation. The "
@@ -69,9 +78,10 @@ ReportBlocks AccuracyBlocks(const ReportData& data) {
                   of_measurable("Measured, without the check of normals",
                                 coverage.covered_targets_without_normal_gate())})};
   if (fresh.empty()) return blocks;
-  blocks.push_back(
-      RemarkBlock("Scans are chosen to suit the plan's targets; validation targets, sampled anew, "
-                  "show how much of that holds for the surface between them."));
+  blocks.push_back(RemarkBlock(
+      "Scans are chosen to suit the plan's targets; validation targets, sampled anew, "
+      "show how much of that holds for the surface between them. A plan is executed with "
+      "part and sensors a little beside their places, which costs coverage."));
   blocks.push_back(FactsBlock(fresh));
   return blocks;
 }
