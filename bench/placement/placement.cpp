@@ -103,7 +103,8 @@ Json RunPart(const Options& options, const std::string& name, const TriangleMesh
   const double p5 = LowerQuantile(simulated, 0.05), median = LowerQuantile(simulated, 0.5);
   const std::vector<ScanDisplacement> exact_places(scans.size());
   TargetBits in_place(scene.targets().size());
-  for (const ScanCoverage& scan : *evaluate(scans, exact_places)) in_place |= scan.covered;
+  const auto undisturbed = evaluate(scans, exact_places);
+  for (const ScanCoverage& scan : *undisturbed) in_place |= scan.covered;
   const double nominal = static_cast<double>(in_place.Count()) / static_cast<double>(measurable);
   std::printf("%12s%7s%9ld%7zu%8zu%9.2f%9.2f%9.2f%9.2f%9.2f\n", name.c_str(),
               rigid ? "rigid" : "free", static_cast<long>(measurable), scans.size(),
