@@ -70,13 +70,12 @@ std::vector<bool> Predicting(const std::vector<ComparedModel>& models) {
 double ShareLeft(const ComparedModel& model, const ComparedModel& none,
                  const ComparedModel* discrepancy) {
   if (model.kind == ModelKind::kNoEffect) return 1;
+  double share = none.held_out_excess > 0 ? model.held_out_excess / none.held_out_excess : 0;
   if (discrepancy != nullptr && discrepancy->held_out_score > none.held_out_score) {
-    return std::clamp((discrepancy->held_out_score - model.held_out_score) /
-                          (discrepancy->held_out_score - none.held_out_score),
-                      0.0, 1.0);
+    share = std::max(share, (discrepancy->held_out_score - model.held_out_score) /
+                                (discrepancy->held_out_score - none.held_out_score));
   }
-  if (!(none.held_out_excess > 0)) return 0;
-  return std::clamp(model.held_out_excess / none.held_out_excess, 0.0, 1.0);
+  return std::clamp(share, 0.0, 1.0);
 }
 
 int BestNamed(const std::vector<ComparedModel>& models) {

@@ -56,10 +56,10 @@ struct Judgement {
 std::vector<bool> Predicting(const std::vector<ComparedModel>& models);
 
 // The share of the difference from the null model `none` that a model leaves, in [0, 1]; 1 for the
-// null itself. With a model `discrepancy` that predicts better than the null: the held-out score by
-// which `model` is behind it, over that by which the null is. That needs no assumption about the
-// chi squared of a complete model. With nullptr: the excess over that of the null, 0 where the null
-// leaves no excess.
+// null itself. It is the larger of two: the excess over that of the null, where the null leaves
+// one; and, with a model `discrepancy` that predicts better than the null, the held-out score by
+// which `model` is behind it, over that by which the null is. The excess is 0 where covariances are
+// conservative, the score says nothing where the discrepancy itself leaves much.
 double ShareLeft(const ComparedModel& model, const ComparedModel& none,
                  const ComparedModel* discrepancy);
 

@@ -29,8 +29,8 @@ namespace {
 // comes before, the outputs after.
 constexpr ProgressPhase kPlanningPhase{kOpenSessionPhase.end, 0.5};
 constexpr ProgressPhase kBoundPhase{0.5, 0.7};
-constexpr ProgressPhase kAgainPhase{0.7, 0.83};
-constexpr ProgressPhase kLeastTimePhase{0.83, 0.95};
+constexpr ProgressPhase kAgainPhase{0.7, 0.87};
+constexpr ProgressPhase kLeastTimePhase{0.87, 0.95};
 
 struct StepDescription {
   ProgressPhase phase;

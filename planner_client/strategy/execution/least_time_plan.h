@@ -37,6 +37,6 @@ absl::StatusOr<PlannerResult> PlanInLeastTime(GainOracle& oracle, const PlannerR
                                               std::span<const Measurement> candidates);
 
 // Fraction of the evaluations that a greedy search may use for as many scans as the plan has.
-inline constexpr double kLeastTimeShare = 0.6;
+inline constexpr double kLeastTimeShare = 0.3;
 
 }  // namespace sightline
