@@ -69,13 +69,14 @@ TEST(JudgePaths, RulesHoldForEveryAnswer) {
   EXPECT_GT(remainders, 100);
 }
 
-// The map has more evidence and predicts better, but the name leaves 1 % of the excess.
+// The map has more evidence and predicts better, but the name leaves 1 % of the excess and
+// 2.4 % of the score.
 TEST(JudgePaths, ANameIsNotLostForWhatItLeaves) {
   const JudgedPaths judged = JudgePaths(
       {Scored({}, 0, 0, 18), Scored({"a"}, 9000, 4000, 1.17), Scored({kMap}, 9100, 4100, 1)});
   EXPECT_NEAR(judged.probability[1], 1, 1e-12);
   ASSERT_TRUE(judged.remainder);
-  EXPECT_NEAR(judged.remainder->share, 0.01, 1e-12);
+  EXPECT_NEAR(judged.remainder->share, 100.0 / 4100, 1e-12);
 }
 
 TEST(JudgePaths, TheMapLeadsWhereNoNameIsNear) {
