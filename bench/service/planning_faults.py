@@ -65,8 +65,8 @@ def number_of(request_id: str) -> int:
 
 
 def is_reproducible(name: str) -> bool:
-    """Reports tell how long things took."""
-    return not name.endswith(".html")
+    """Reports tell how long things took, and so does the data beside them."""
+    return not name.endswith((".html", "report.json"))
 
 
 class References:

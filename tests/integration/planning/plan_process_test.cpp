@@ -123,7 +123,7 @@ TEST_F(PlanProcessTest, PlansForATolerancedTopAndProvesIt) {
     EXPECT_EQ(again.overlap(), quality.overlap());
   }
   EXPECT_THAT(Bytes("a/report.html"),
-              AllOf(HasSubstr("How finely each scan measures"), HasSubstr("href=\"setup.html\"")));
+              AllOf(HasSubstr("How finely each scan measures"), HasSubstr("\"link\":\"setup.html\"")));
   const ProcessResult exports =
       RunProcess(absl::StrCat("/usr/bin/python3 -B ", SIGHTLINE_READ_EXPORTS, " ", folder_, "/a"));
   EXPECT_EQ(exports.exit_code, 0) << exports.output;
