@@ -133,7 +133,7 @@ TEST_F(OtherPartProcessTest, TakenAllTheSameItIsSaidFirst) {
                       HasSubstr(plan_.part_digest()), HasSubstr(plan.part_digest())));
     EXPECT_THAT(output, HasSubstr("warning: " + plan.part_remarks(0)));
     EXPECT_THAT(Bytes("new/report.html"),
-                HasSubstr("<p class=\"finding\"><strong>" + plan.part_remarks(0)));
+                HasSubstr("\"finding\":[{\"text\":\"" + plan.part_remarks(0)));
     // From now on it is a plan of this part.
     const auto [again, said] =
         Run("evaluate tall.json new/plan.json --out again --no-pictures --no-point-clouds");

@@ -122,8 +122,8 @@ TEST_F(PlanProcessTest, PlansForATolerancedTopAndProvesIt) {
     EXPECT_NEAR(again.laser_incidence_deg().high(), quality.laser_incidence_deg().high(), 1e-9);
     EXPECT_EQ(again.overlap(), quality.overlap());
   }
-  EXPECT_THAT(Bytes("a/report.html"),
-              AllOf(HasSubstr("How finely each scan measures"), HasSubstr("\"link\":\"setup.html\"")));
+  EXPECT_THAT(Bytes("a/report.html"), AllOf(HasSubstr("How finely each scan measures"),
+                                            HasSubstr("\"link\":\"setup.html\"")));
   const ProcessResult exports =
       RunProcess(absl::StrCat("/usr/bin/python3 -B ", SIGHTLINE_READ_EXPORTS, " ", folder_, "/a"));
   EXPECT_EQ(exports.exit_code, 0) << exports.output;

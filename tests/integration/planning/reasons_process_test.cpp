@@ -111,7 +111,7 @@ TEST_F(ReasonsProcessTest, CountsReasonsOfAllTargetsAndOfRegions) {
 
   const std::string report = Bytes("a/report.html");
   EXPECT_THAT(report, HasSubstr("Why places are not measured"));
-  EXPECT_THAT(report, HasSubstr("hidden by clamp &lt;A&gt;"));
+  EXPECT_THAT(report, HasSubstr("hidden by clamp \\u003cA>"));
   EXPECT_THAT(report, HasSubstr("clamped end"));
 
   ASSERT_EQ(Run("evaluate inspection.json hand.json --out b --no-pictures --no-point-clouds").first,

@@ -55,7 +55,8 @@ TEST_F(RestingProcessTest, TheDefaultPlanCanBeSetUp) {
         0.006);
   }
   EXPECT_THAT(Bytes("a/report.html"),
-              AllOf(HasSubstr("How the part lies"), HasSubstr("lies on face")));
+              AllOf(HasSubstr("How the part lies"),
+                    HasSubstr("The part is laid on the table on one of its faces")));
 }
 
 TEST_F(RestingProcessTest, OneFaceLeavesItsUndersideUnmeasurable) {
