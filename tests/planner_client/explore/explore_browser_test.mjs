@@ -202,7 +202,7 @@ test('five scans are found, added and edited', async () => {
     console.log(`best next anywhere: ${(performance.now() - begun).toFixed(0)} ms, ${await gain()}`);
     await exact();
     // The number of the scan before is exact too, until the page asks for the new one.
-    for (let before = ''; before !== await gain(); await page.waitForTimeout(1000)) before = await gain();
+    for (let shown = ''; shown !== await gain(); await page.waitForTimeout(1000)) shown = await gain();
     await exact();
     const fresh = Number((await gain()).slice(1));
     await press('Add this scan');
