@@ -310,7 +310,8 @@ ReportBlocks FeatureBlocks(const v1::Plan& plan, bool selectable) {
   }
   return {
       RemarkBlock(absl::StrCat(
-          "A tolerance can be proven if the guard bands leave a zone to accept in (ISO 14253-1) and "
+          "A tolerance can be proven if the guard bands leave a zone to accept in (ISO 14253-1) "
+          "and "
           "a part without deviations is accepted as often as not. u is the standard uncertainty of "
           "what the tolerance is about; its parts add up as squares. Probabilities of deciding "
           "wrongly are those of a part taken from production (JCGM 106). What is not evaluated has "
