@@ -90,8 +90,8 @@ v1::ReportBlock MeasuredScansTable(const v1::AsMeasured& found) {
 }
 
 v1::ReportBlock ChangeTable(const v1::AsMeasured& found, int scans, bool for_uncertainty) {
-  const auto row = [](const std::string& name, int count, double settled) {
-    return ReportCells{TextCell(name), CountCell(count), PercentCell(settled, 2)};
+  const auto row = [](const std::string& name, int count, double satisfied) {
+    return ReportCells{TextCell(name), CountCell(count), PercentCell(satisfied, 2)};
   };
   return TableBlock(
       "Plans on the part as it was found",
