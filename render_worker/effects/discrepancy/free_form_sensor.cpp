@@ -1,10 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // Model-discrepancy terms of the sensor: response, colours, dark signal, charge that goes astray in
 // space and time. Noise and codes: free_form_readout.cpp.
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
+#include <string_view>
+#include <vector>
 
 #include "render_worker/effects/discrepancy/free_form_effect.h"
+#include "render_worker/effects/pixel_pattern.h"
 
 namespace sightline {
 namespace {
@@ -194,6 +199,56 @@ class CellGainTerm final : public FreeFormEffect {
   }
 };
 
+// Blocks of columns that were exposed, ground or read out in turn differ in sensitivity. A Fourier
+// series describes any such pattern, wherever the region lies on the sensor.
+class ColumnSensitivityTerm final : public FreeFormEffect {
+ public:
+  ColumnSensitivityTerm()
+      : FreeFormEffect(
+            "multiplicative_light",
+            {.id = "unknown.column_sensitivity",
+             .stage = Stage::kSensor,
+             .finer_than_block = true,
+             .summary = "light of column j times 1 + sum over k of a_k cos(2 pi k j/512) "
+                        "+ b_k sin(2 pi k j/512), j from the principal point",
+             .reference = "EMVA 1288 R4.0 Linear, section 4 (column non-uniformity)",
+             .parameters = {Harmonic("cosine_1"), Harmonic("sine_1"), Harmonic("cosine_2"),
+                            Harmonic("sine_2"), Harmonic("cosine_3"), Harmonic("sine_3"),
+                            Harmonic("cosine_4"), Harmonic("sine_4"), Harmonic("cosine_5"),
+                            Harmonic("sine_5"), Harmonic("cosine_6"), Harmonic("sine_6"),
+                            Harmonic("cosine_7"), Harmonic("sine_7"), Harmonic("cosine_8"),
+                            Harmonic("sine_8")}}) {}
+
+  void OnPixelIrradiance(PixelIrradiance& light, const FrameSetup&, Parameters p) const override {
+    if (IsNull(p)) return;
+    std::vector<double> factors;
+    for (int j = 0; j < light.roi.columns_px; ++j) {
+      factors.push_back(std::max(0.0, CurveAt(light.roi.column_px + j, p)));
+    }
+    MultiplyLight(light, false, [&](int column_px, int /*row_px*/) {
+      return factors[static_cast<size_t>(column_px - light.roi.column_px)];
+    });
+  }
+
+  Axes CurveAxes() const override {
+    return {"column_px_modulo_512", "light_factor", EvenlySpaced(0, kPeriod_px, 65)};
+  }
+  double CurveAt(double column_px, Parameters p) const override {
+    double factor = 1;
+    for (size_t i = 0; i < p.size(); i += 2) {
+      const double phase =
+          2 * std::numbers::pi * static_cast<double>(i / 2 + 1) * column_px / kPeriod_px;
+      factor += p[i] * std::cos(phase) + p[i + 1] * std::sin(phase);
+    }
+    return factor;
+  }
+
+ private:
+  // Longer than a region of the recordings format is wide, so that a pattern need not repeat in it.
+  static constexpr double kPeriod_px = 512;
+  static EffectParameter Harmonic(std::string_view name) { return Coefficient(name, 0.5, 5e-3); }
+};
+
 // Charge that flows between neighbouring pixels of the region; the sum stays. `between_rows` and
 // `between_columns` tell what flows from one pixel to the other.
 template <typename Flow>
@@ -332,13 +387,14 @@ std::vector<const FreeFormEffect*> SensorTerms() {
   static const ResponseLawTerm response_law;
   static const ColourTerm colour;
   static const CellGainTerm cell_gain;
+  static const ColumnSensitivityTerm column_sensitivity;
   static const DarkSignalTerm dark_signal;
   static const ChargeSpreadTerm charge_spread;
   static const ChargeFlowTerm charge_flow;
   static const ColumnTrailTerm column_trail;
   static const MemoryTerm memory;
-  return {&charge_spread, &charge_flow, &column_trail, &memory,  &colour,
-          &cell_gain,     &dark_signal, &response_law, &response};
+  return {&column_sensitivity, &charge_spread, &charge_flow,  &column_trail, &memory, &colour,
+          &cell_gain,          &dark_signal,   &response_law, &response};
 }
 
 }  // namespace sightline

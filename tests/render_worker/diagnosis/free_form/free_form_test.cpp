@@ -131,7 +131,9 @@ TEST(FreeForm, TermsAreDescribed) {
     EXPECT_FALSE(description.summary.empty());
     EXPECT_FALSE(description.reference.empty());
     EXPECT_GE(description.parameters.size(), 2U) << description.id;
-    EXPECT_LE(description.parameters.size(), 6U) << description.id;
+    // Eight harmonics have a cosine and a sine each.
+    const size_t most = description.id == "unknown.column_sensitivity" ? 16 : 6;
+    EXPECT_LE(description.parameters.size(), most) << description.id;
     for (const EffectParameter& parameter : description.parameters) {
       if (!IsShape(parameter) || &parameter == &description.parameters.front()) {
         EXPECT_EQ(parameter.null_value, 0) << parameter.name;
@@ -714,6 +716,32 @@ TEST(FreeForm, CurvesCarryTheStandardErrorsOfTheCoefficients) {
     EXPECT_FALSE(null.ordinate().empty());
     EXPECT_EQ(null.stage(), StageName(other->description().stage));
   }
+}
+
+// The pattern stays on the sensor, whatever the region, and keeps the mean sensitivity.
+TEST(FreeForm, ColumnSensitivityIsFixedOnTheSensor) {
+  const Effect& term = Term("unknown.column_sensitivity");
+  std::vector<double> p = NullOf(term);
+  p[2] = 0.02;   // cosine_2
+  p[13] = 0.01;  // sine_7
+  const FrameSetup frame = NominalFrame();
+  const auto light_at = [&](int column_px, int columns_px) {
+    PixelIrradiance light;
+    light.roi = {column_px, 0, columns_px, 2};
+    light.laser_irradiance_w_m2 = Image<float>(columns_px, 2, 1.0F);
+    term.OnPixelIrradiance(light, frame, p);
+    return light.laser_irradiance_w_m2;
+  };
+  const Image<float> whole = light_at(-300, 512), part = light_at(-260, 64);
+  double sum = 0;
+  for (int j = 0; j < 512; ++j) sum += whole.At(0, j);
+  EXPECT_NEAR(sum / 512, 1, 1e-6);
+  for (int j = 0; j < 64; ++j) {
+    EXPECT_FLOAT_EQ(part.At(0, j), whole.At(0, j + 40));
+    EXPECT_EQ(part.At(1, j), part.At(0, j));
+  }
+  // 1 + 0.02 cos(2 pi 2 j/512) + 0.01 sin(2 pi 7 j/512) at column 0.
+  EXPECT_NEAR(whole.At(0, 300), 1.02, 1e-6);
 }
 
 }  // namespace
