@@ -192,8 +192,16 @@ v1::ReportBlock SheetPictures(const SheetScan& of) {
   ReportBlocks pictures;
   if (!of.picture_png.empty()) {
     pictures.push_back(
-        PictureBlock(of.picture_png, "Middle of the scan; what is measured by then is coloured",
+        PictureBlock(of.picture_png,
+                     "The part as it lies, z up, in the middle of the scan; what is measured by "
+                     "then is coloured",
                      absl::StrCat("Part, camera and laser of scan ", of.scan.index())));
+  }
+  if (!of.face_png.empty()) {
+    const std::string& name = of.plan.resting_faces(of.scan.resting_face()).name();
+    pictures.push_back(
+        PictureBlock(of.face_png, absl::StrCat("This side goes down: face ", name, " from outside"),
+                     absl::StrCat("Face ", name)));
   }
   *pictures.emplace_back().mutable_drawing() = SideView(scene);
   *pictures.emplace_back().mutable_drawing() = TopView(scene);
@@ -202,11 +210,16 @@ v1::ReportBlock SheetPictures(const SheetScan& of) {
       pictures);
 }
 
-v1::ReportBlock SheetPartPlace(const SheetScan& of) {
+Eigen::AlignedBox3d ExtentAtStageZero(const SheetPart& part, const ScanFrames& frames) {
   Eigen::AlignedBox3d extent;
-  for (const Eigen::Vector3f& place_m : of.part.mesh.positions_m) {
-    extent.extend(of.frames.part * place_m.cast<double>());
+  for (const Eigen::Vector3f& place_m : part.mesh.positions_m) {
+    extent.extend(frames.part * place_m.cast<double>());
   }
+  return extent;
+}
+
+v1::ReportBlock SheetPartPlace(const SheetScan& of) {
+  const Eigen::AlignedBox3d extent = ExtentAtStageZero(of.part, of.frames);
   const auto range = [&](int axis, const char* between) {
     return absl::StrCat(SheetMm(extent.min()[axis]), between, SheetMm(extent.max()[axis]), " mm");
   };
@@ -248,7 +261,22 @@ v1::ReportBlock SheetCorners(const SheetScan& of) {
                                  rows)});
 }
 
-v1::ReportBlock SheetSensors(const SheetScan& of) {
+namespace {
+
+// What a person sets on the housing's mount.
+v1::ReportBlock HousingFacts(const SheetScan& of) {
+  const Eigen::Vector3d laser_m = of.frames.laser.translation();
+  const Eigen::Vector3d to_camera_m = of.frames.camera.translation() - laser_m;
+  return FactsBlock({NumberFact("Stand-off, laser to the origin", 1e3 * laser_m.norm(), "mm",
+                                absl::StrCat(SheetMm(laser_m.norm()), " mm")),
+                     TextFact("Laser stands", PlaceInWords(laser_m)),
+                     TextFact("Laser line along", PointsInWords(of.frames.laser.linear().col(0))),
+                     TextFact("Camera\u2019s side of the housing", PointsInWords(to_camera_m))});
+}
+
+}  // namespace
+
+v1::ReportBlock SheetSensors(const SheetScan& of, bool one_housing) {
   std::vector<ReportCells> rows;
   for (const char* name : {"Where it is", "Position x / y / z", "Distance to the origin",
                            "Azimuth, elevation", "Looks along", "Image rows, laser line along"}) {
@@ -274,12 +302,14 @@ v1::ReportBlock SheetSensors(const SheetScan& of) {
   const double angle_deg = of.scan.measurement().triangulation_angle_deg();
   const v1::ReportBlock angle = FactsBlock({NumberFact(
       "Triangulation angle, camera to laser", angle_deg, "\u00b0", SheetDeg(angle_deg, 2))});
-  return TitledBlock("Sensors",
-                     {TableBlock("Where camera and laser stand",
-                                 {WordsColumn(""), WordsColumn("Camera, by its entrance pupil"),
-                                  WordsColumn("Laser, by its source")},
-                                 rows),
-                      angle});
+  const v1::ReportBlock places =
+      TableBlock("Where camera and laser stand",
+                 {WordsColumn(""), WordsColumn("Camera, by its entrance pupil"),
+                  WordsColumn("Laser, by its source")},
+                 rows);
+  if (!one_housing) return TitledBlock("Sensors", {places, angle});
+  return TitledBlock("Sensor head",
+                     {HousingFacts(of), FoldedBlock("Its camera and laser", {places, angle})});
 }
 
 v1::ReportBlock SheetStage(const v1::PlannedScan& scan) {

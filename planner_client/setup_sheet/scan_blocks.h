@@ -29,12 +29,13 @@ struct SheetScan {
   const ScanFrames& frames;
   const SheetPart& part;
   const std::string& picture_png;  // empty: none
+  const std::string& face_png;     // the face that is down, from outside; empty: none
 };
 
 // Remarks on the scan, and whether it is kept as given.
 ReportBlocks SheetRemarks(const v1::PlannedScan& scan);
 
-// Picture, side view and top view.
+// Pictures of the scan and of the face that is down, side view and top view.
 v1::ReportBlock SheetPictures(const SheetScan& of);
 
 // How the part gets where it belongs, step by step.
@@ -46,8 +47,12 @@ v1::ReportBlock SheetPartAxes(const SheetScan& of);
 // Corners of the CAD bounding box, in the machine.
 v1::ReportBlock SheetCorners(const SheetScan& of);
 
-// Places and directions of camera and laser.
-v1::ReportBlock SheetSensors(const SheetScan& of);
+// Places and directions of camera and laser. Those in one housing are placed by the housing's
+// stand-off and turns.
+v1::ReportBlock SheetSensors(const SheetScan& of, bool one_housing);
+
+// From x to x and from y to y where the part lies at stage position 0 [m].
+Eigen::AlignedBox3d ExtentAtStageZero(const SheetPart& part, const ScanFrames& frames);
 
 v1::ReportBlock SheetStage(const v1::PlannedScan& scan);
 

@@ -62,6 +62,7 @@ class Sheet {
         " \u00d7 ", SheetMm(size_m.z()), " mm. Sightline ", plan_.sightline_version(),
         ", plan of scene ", plan_.scene_digest().substr(0, 12), "."))};
     if (!plan_.scans().empty()) about.push_back(Conventions());
+    if (plan_.has_placement()) about.push_back(HowExactly());
     AddSection(&report, "machine", "Machine axes", about);
     if (plan_.scans().empty()) return report;
     AddSection(&report, "setups", "Set-ups in order", SetupsTable());
@@ -77,8 +78,18 @@ class Sheet {
  private:
   SheetScan ScanAt(int i) const {
     const auto at = static_cast<size_t>(i);
-    return {plan_, plan_.scans(i), frames_[at], part_, data_.pictures_png[at]};
+    const v1::PlannedScan& scan = plan_.scans(i);
+    static const std::string kNoPicture;
+    const bool face = scan.has_resting_face() && !data_.face_pictures_png.empty();
+    return {plan_,
+            scan,
+            frames_[at],
+            part_,
+            data_.pictures_png[at],
+            face ? data_.face_pictures_png[static_cast<size_t>(scan.resting_face())] : kNoPicture};
   }
+
+  std::string Sensors() const { return data_.one_housing ? "the sensor head" : "camera and laser"; }
 
   std::string FaceName(int face) const {
     return absl::StrCat("face ", plan_.resting_faces(face).name());
@@ -105,6 +116,25 @@ class Sheet {
         "system. Camera and laser stand still during a scan. Angles are counter-clockwise when the "
         "axis points at you. Azimuth is counted from +x towards +y, elevation from the horizontal "
         "upwards. Stage positions are those of the part\u2019s centre from the origin along x.");
+  }
+
+  // Two standard deviations either side hold 95 of 100 errors.
+  v1::ReportBlock HowExactly() const {
+    const v1::Placement& p = plan_.placement();
+    const auto within = [](const std::string& name, double position_m, double angle_deg) {
+      return TextFact(name, absl::StrCat("\u00b1", SheetMm(2 * position_m, 2), " mm, \u00b1",
+                                         SheetDeg(2 * angle_deg, 2)));
+    };
+    std::vector<v1::ReportFact> facts = {
+        within("Part", p.part_position_m(), p.part_angle_deg()),
+        within(data_.one_housing ? "Sensor head" : "Camera and laser, each", p.sensor_position_m(),
+               p.sensor_angle_deg())};
+    if (plan_.coverage().has_placement_p5()) {
+      const double percent = 100 * plan_.coverage().placement_p5();
+      facts.push_back(NumberFact("Then 95 of 100 executions measure at least", percent, "%",
+                                 absl::StrCat(FixedNumber(percent, 1), "\u202f%")));
+    }
+    return TitledBlock("How exactly to place things (95 of 100)", {FactsBlock(facts)});
   }
 
   // With unit costs every scan costs 1, and nothing has a time.
@@ -225,13 +255,14 @@ class Sheet {
     const v1::Setup* before = s > 0 ? &plan_.setups(s - 1) : nullptr;
     Steps steps;
     if (before != nullptr && before->sensor_place() == setup.sensor_place()) {
-      steps.push_back({PlainRun("Leave camera and laser where they are.")});
+      steps.push_back({PlainRun(absl::StrCat("Leave ", Sensors(), " where ",
+                                             data_.one_housing ? "it is." : "they are."))});
     } else {
       const double move_s = setup.time_s().move_sensors();
-      steps.push_back({PlainRun("Put camera and laser in "),
+      steps.push_back({PlainRun(absl::StrCat("Put ", Sensors(), " in ")),
                        StrongRun(absl::StrCat("place ", setup.sensor_place() + 1)),
                        PlainRun(absl::StrCat(
-                           ", by the table below",
+                           ", by the numbers below",
                            move_s > 0 ? absl::StrCat(" (", SheetSeconds(move_s), ")") : "", "."))});
     }
     if (setup.has_resting_face()) {
@@ -239,11 +270,12 @@ class Sheet {
                          before->resting_face() == setup.resting_face();
       steps.push_back({PlainRun(stays ? "Leave the part on " : "Lay the part on "),
                        StrongRun(FaceName(setup.resting_face())),
-                       PlainRun(stays ? "." : ", as the picture and the CAD axes show.")});
+                       PlainRun(stays ? "." : ", as the pictures and the CAD axes show.")});
     }
     steps.push_back(
         {PlainRun("Turn and shift the part for each scan as the table says: the turn is "
-                  "counter-clockwise seen from above, from the part lying with no turn.")});
+                  "counter-clockwise seen from above, from the part lying with no turn. Measure "
+                  "from the part\u2019s outermost points to the origin, the stage at 0.")});
     v1::ReportBlock list = ListBlock(steps);
     list.mutable_list()->set_numbered(true);
     return TitledBlock("What to do", {list});
@@ -253,8 +285,9 @@ class Sheet {
     std::vector<v1::ReportColumn> columns = {NumberColumn("scan"), NumberColumn("part turned")};
     if (setup.has_resting_face()) columns.push_back(NumberColumn("table, z", "mm"));
     for (const v1::ReportColumn& column :
-         {NumberColumn("part\u2019s centre, stage at 0, x / y / z", "mm"),
-          NumberColumn("stage", "mm"), NumberColumn("pitch", "mm"), NumberColumn("frames")}) {
+         {NumberColumn("outermost points, stage at 0, in x", "mm"), NumberColumn("in y", "mm"),
+          NumberColumn("part\u2019s centre, x / y / z", "mm"), NumberColumn("stage", "mm"),
+          NumberColumn("pitch", "mm"), NumberColumn("frames")}) {
       columns.push_back(column);
     }
     if (HasTimes()) columns.push_back(NumberColumn("time", "s"));
@@ -272,6 +305,11 @@ class Sheet {
       }
       const double pitch_m =
           count > 1 ? (scan.stage_end_m() - scan.stage_start_m()) / (count - 1) : 0;
+      const Eigen::AlignedBox3d extent = ExtentAtStageZero(part_, frames_[static_cast<size_t>(i)]);
+      for (const int axis : {0, 1}) {
+        row.push_back(TextCell(
+            absl::StrCat(SheetMm(extent.min()[axis]), " \u2026 ", SheetMm(extent.max()[axis]))));
+      }
       row.push_back(TextCell(PlaceMm(frames_[static_cast<size_t>(i)].part * part_.box_m.center())));
       row.push_back(TextCell(StageRange(scan)));
       row.push_back(count > 1 ? LengthCell(pitch_m, StageMm(pitch_m)) : TextCell(kNoValue));
@@ -297,12 +335,13 @@ class Sheet {
     const SheetScan scan = ScanAt(first);
     ReportBlocks blocks = {RemarkBlock(absl::StrCat(
         scan.scan.has_resting_face()
-            ? absl::StrCat("Part lies on ", FaceName(scan.scan.resting_face()), "; sensors")
-            : "Sensors",
+            ? absl::StrCat("Part lies on ", FaceName(scan.scan.resting_face()), "; ", Sensors())
+            : absl::StrCat("Part as below; ", Sensors()),
         " in place ", setup.sensor_place() + 1,
         HasTimes() ? absl::StrCat("; ", SheetSeconds(setup.time_s().total())) : "", "."))};
     for (const v1::ReportBlock& block :
-         {SetupSteps(s), SheetPictures(scan), SetupScans(setup), SheetSensors(scan),
+         {SetupSteps(s), SheetPictures(scan), SetupScans(setup),
+          SheetSensors(scan, data_.one_housing),
           RemarkBlock(absl::StrCat("Pictures, CAD axes and corners are those of scan ",
                                    setup.scans(0), "."))}) {
       blocks.push_back(block);
@@ -331,7 +370,7 @@ class Sheet {
                            TurnDeg(m.part_beta_deg()), " / ", TurnDeg(m.part_gamma_deg()), "."))};
     Append(SheetRemarks(of.scan), &blocks);
     blocks.push_back(SheetPictures(of));
-    blocks.push_back(SheetSensors(of));
+    blocks.push_back(SheetSensors(of, data_.one_housing));
     ReportBlocks right = {SheetStage(of.scan)};
     Append(SheetDetails(of.scan), &right);
     blocks.push_back(
@@ -359,6 +398,12 @@ absl::StatusOr<v1::Report> SetUpReport(const SetUpSheet& sheet) {
     return absl::InvalidArgumentError(
         absl::StrFormat("set-up sheet: there are %d pictures for %d scans",
                         sheet.pictures_png.size(), sheet.plan.scans_size()));
+  }
+  if (!sheet.face_pictures_png.empty() &&
+      static_cast<int>(sheet.face_pictures_png.size()) != sheet.plan.resting_faces_size()) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("set-up sheet: there are %d pictures for %d resting faces",
+                        sheet.face_pictures_png.size(), sheet.plan.resting_faces_size()));
   }
   std::vector<ScanFrames> frames;
   for (const v1::PlannedScan& scan : sheet.plan.scans()) {

@@ -19,12 +19,15 @@ struct SetUpSheet {
   TriangleMesh mesh;      // part coordinates of the plan's poses
   // A picture of part, camera and laser for every scan; PNG, empty: none.
   std::vector<std::string> pictures_png;
+  // Of every resting face of the plan, seen square-on from outside; none at all: no pictures.
+  std::vector<std::string> face_pictures_png = {};
+  bool one_housing = false;  // camera and laser are moved as one
 };
 
 // The sheet as data; the same plan gives the same report. Says of what is in the plan only: resting
 // faces, settings and robot moves appear where the plan has them. INVALID_ARGUMENT: poses as
 // FramesOfScan, resting faces and scans of set-ups that the plan does not have, a mesh without
-// vertices, and pictures whose number is not that of the scans.
+// vertices, and pictures whose number is not that of the scans or resting faces.
 absl::StatusOr<v1::Report> SetUpReport(const SetUpSheet& sheet);
 
 }  // namespace sightline

@@ -20,6 +20,7 @@
 #include "core/parallel/for_each_index.h"
 #include "core/part/load_part.h"
 #include "core/part/part_health_proto.h"
+#include "core/physics/angle.h"
 #include "planner_client/command_line/process/output_folder.h"
 #include "planner_client/command_line/process/print.h"
 #include "planner_client/commands/planning/document/placement_outputs.h"
@@ -98,6 +99,7 @@ absl::StatusOr<ReportData> DescribeForReport(const PlanningSession& session,
   data.mesh = *session.part;
   data.rig = session.inspection.rig;
   data.targets = client.targets();
+  data.one_housing = session.inspection.sensor_mount == SensorMount::kRigid || session.robot;
   ShowWhereItLies(session, &data);
   data.sampling = session.inspection.targets;
   data.measurable = session.client->measurable();
@@ -137,6 +139,20 @@ absl::StatusOr<std::string> PictureOfScan(const PlanningSession& session, const 
   request.set_columns_px(720);
   request.set_rows_px(540);
   request.set_covered_targets(covered.ToBytes());
+  return session.client->RenderView(std::move(request));
+}
+
+// The face that lies on the table, seen square-on from outside the part.
+absl::StatusOr<std::string> PictureOfFace(const PlanningSession& session,
+                                          const v1::RestingFace& face) {
+  const Eigen::Vector3d normal(face.normal().x(), face.normal().y(), face.normal().z());
+  v1::RenderViewRequest request;
+  request.set_view(v1::RenderViewRequest::VIEW_FREE);
+  request.set_azimuth_deg(std::atan2(normal.y(), normal.x()) * kDegPerRad);
+  request.set_elevation_deg(std::atan2(normal.z(), std::hypot(normal.x(), normal.y())) *
+                            kDegPerRad);
+  request.set_columns_px(720);
+  request.set_rows_px(540);
   return session.client->RenderView(std::move(request));
 }
 
@@ -224,6 +240,11 @@ absl::Status ShowScans(const PlanningSession& session, PlanDocument& document,
     if (!measured.ok()) document.Miss(absl::StrCat("points of scan ", i + 1), measured);
   }
   if (!status.ok() || !options.pictures) return status;
+  for (const v1::RestingFace& face : document.plan.resting_faces()) {
+    const absl::Status shown =
+        picture(PictureOfFace(session, face), &data->face_pictures_png.emplace_back());
+    if (!shown.ok()) document.Miss(absl::StrCat("picture of face ", face.name()), shown);
+  }
   using View = v1::RenderViewRequest;
   const absl::Status measurability = picture(
       PictureOfTargets(session, View::VIEW_MEASURABILITY, covered), &data->measurability_png);

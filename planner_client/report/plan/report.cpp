@@ -32,12 +32,6 @@ namespace {
 constexpr size_t kMaxDisplayTriangles = 300000;
 constexpr size_t kMaxRegions = 20;
 
-ReportBlocks SetupsOf(const ReportData& data) {
-  std::vector<std::string> pictures;
-  for (const ReportScan& scan : data.scans) pictures.push_back(scan.rendered_view_png);
-  return SetupsBlocks(data.plan, pictures);
-}
-
 ReportBlocks AccuracyBlocks(const ReportData& data) {
   const v1::PlanCoverage& coverage = data.plan.coverage();
   const v1::PlanUncertainty& uncertainty = data.plan.uncertainty();
@@ -196,7 +190,8 @@ absl::StatusOr<v1::Report> PlanReport(const ReportData& data) {
     AddSection(&report, "pareto", "Fewer scans or less time", ParetoBlocks(*data.pareto));
   }
   AddSection(&report, "curve", "Coverage grows scan by scan", CurveBlocks(plan));
-  AddSection(&report, "setups", "How the part lies", SetupsOf(data));
+  AddSection(&report, "setups", "How the part lies",
+             SetupsBlocks(data.plan, data.face_pictures_png));
   AddSection(&report, "scans", "Scans", ScansBlocks(data));
   AddSection(&report, "quality", "How finely each scan measures", QualityBlocks(plan));
   if (data.robot) AddSection(&report, "robot", "Robot", RobotBlocks(plan, *data.robot));

@@ -119,6 +119,32 @@ TEST(SetUpSheet, HasAPageForEverySetUp) {
               HasSubstr("a set-up names no scan"));
 }
 
+// The head of a sensor with camera and laser in one housing has one place; errors of placing are
+// said as two standard deviations.
+TEST(SetUpSheet, PlacesAHousingAsOneAndSaysHowExactly) {
+  SetUpSheet sheet = Sample();
+  v1::Setup& setup = *sheet.plan.add_setups();
+  for (const v1::PlannedScan& scan : sheet.plan.scans()) setup.add_scans(scan.index());
+  v1::Placement& placement = *sheet.plan.mutable_placement();
+  placement.set_part_position_m(0.002);
+  placement.set_part_angle_deg(1);
+  placement.set_sensor_position_m(0.0005);
+  placement.set_sensor_angle_deg(0.25);
+  sheet.plan.mutable_coverage()->set_placement_p5(0.875);
+  EXPECT_THAT(TextOfSheet(sheet),
+              AllOf(HasSubstr("\u00b14.00 mm, \u00b12.00\u00b0"),
+                    HasSubstr("\u00b11.00 mm, \u00b10.50\u00b0"), HasSubstr("87.5\u202f%"),
+                    HasSubstr("Put camera and laser in "), Not(HasSubstr("Sensor head"))));
+  sheet.one_housing = true;
+  // The laser of the sample is 550 mm from the origin.
+  EXPECT_THAT(TextOfSheet(sheet),
+              AllOf(HasSubstr("Put the sensor head in "), HasSubstr("Stand-off"),
+                    HasSubstr("550.0 mm"), Not(HasSubstr("Put camera and laser"))));
+  sheet.face_pictures_png.resize(7);
+  EXPECT_THAT(std::string(SetUpReport(sheet).status().message()),
+              HasSubstr("7 pictures for 0 resting faces"));
+}
+
 TEST(SetUpSheet, ShowsNoTimesWithUnitCosts) {
   SetUpSheet sheet = Sample();
   v1::Setup& setup = *sheet.plan.add_setups();

@@ -101,8 +101,12 @@ std::vector<float> DepthPerPixel(const PlanningSession& session, const PlanDocum
 }
 
 absl::Status WriteSetUpFiles(const ReportData& data, const std::string& folder) {
-  SetUpSheet sheet{
-      .plan = data.plan, .part_name = data.part_name, .mesh = data.mesh, .pictures_png = {}};
+  SetUpSheet sheet{.plan = data.plan,
+                   .part_name = data.part_name,
+                   .mesh = data.mesh,
+                   .pictures_png = {},
+                   .face_pictures_png = data.face_pictures_png,
+                   .one_housing = data.one_housing};
   for (const ReportScan& scan : data.scans) sheet.pictures_png.push_back(scan.rendered_view_png);
   const auto report = SetUpReport(sheet);
   if (!report.ok()) return report.status();

@@ -33,6 +33,11 @@ absl::Status CheckReportData(const ReportData& data) {
   if (!data.reasons.empty() && data.reasons.size() != targets) {
     return mismatch("reasons", data.reasons.size(), targets, "number of targets");
   }
+  const auto faces = static_cast<size_t>(data.plan.resting_faces_size());
+  if (!data.face_pictures_png.empty() && data.face_pictures_png.size() != faces) {
+    return mismatch("face_pictures_png", data.face_pictures_png.size(), faces,
+                    "number of resting faces of the plan");
+  }
   const auto scans = static_cast<size_t>(data.plan.scans_size());
   if (data.scans.size() != scans)
     return mismatch("scans", data.scans.size(), scans, "number of scans of the plan");

@@ -55,29 +55,28 @@ v1::ReportCell PictureCell(const std::string& png, const std::string& face) {
   v1::ReportCell cell;
   if (png.empty()) return cell;
   cell.mutable_picture()->set_png(png);
-  cell.mutable_picture()->set_alternative(absl::StrCat("The part on face ", face));
+  cell.mutable_picture()->set_alternative(absl::StrCat("Face ", face, " from outside"));
   return cell;
 }
 
-ReportBlocks FaceTable(const v1::Plan& plan, const std::vector<std::string>& pictures_png) {
+ReportBlocks FaceTable(const v1::Plan& plan, const std::vector<std::string>& face_pictures_png) {
   if (plan.resting_faces().empty()) return {};
   std::vector<ReportCells> rows;
   for (int f = 0; f < plan.resting_faces_size(); ++f) {
     const v1::RestingFace& face = plan.resting_faces(f);
-    std::string picture;
     std::vector<std::string> scans;
-    for (int i = 0; i < plan.scans_size(); ++i) {
-      const v1::PlannedScan& scan = plan.scans(i);
+    for (const v1::PlannedScan& scan : plan.scans()) {
       if (!scan.has_resting_face() || scan.resting_face() != f) continue;
       scans.push_back(
           absl::StrCat("scan ", scan.index(), ": turned ",
                        FixedNumber(std::remainder(scan.measurement().part_gamma_deg(), 360), 1),
                        "\u00b0, table at ", Millimetres(scan.table_height_m()), " mm"));
-      const auto index = static_cast<size_t>(i);
-      if (picture.empty() && index < pictures_png.size()) picture = pictures_png[index];
     }
     rows.push_back(
-        {StrongCell(face.name()), PictureCell(picture, face.name()),
+        {StrongCell(face.name()),
+         face_pictures_png.empty()
+             ? v1::ReportCell()
+             : PictureCell(face_pictures_png[static_cast<size_t>(f)], face.name()),
          TextCell(absl::StrCat(FixedNumber(face.normal().x(), 2), ", ",
                                FixedNumber(face.normal().y(), 2), ", ",
                                FixedNumber(face.normal().z(), 2))),
@@ -92,7 +91,7 @@ ReportBlocks FaceTable(const v1::Plan& plan, const std::vector<std::string>& pic
                   "bring the face down; its normal is in coordinates of the CAD model. The "
                   "table\u2019s height is that of its upper face over the axis of the stage."),
       TableBlock("Faces that the part rests on",
-                 {WordsColumn("face"), WordsColumn(""), NumberColumn("normal"),
+                 {WordsColumn("face"), WordsColumn("this side down"), NumberColumn("normal"),
                   NumberColumn("\u03b1", "\u00b0"), NumberColumn("\u03b2", "\u00b0"),
                   NumberColumn("stability", "\u00b0"), NumberColumn("area", "cm\u00b2"),
                   NumberColumn("centre over table", "mm"), WordsColumn("scans")},
@@ -112,10 +111,10 @@ ReportBlocks Remarks(const v1::Plan& plan) {
 
 }  // namespace
 
-ReportBlocks SetupsBlocks(const v1::Plan& plan, const std::vector<std::string>& pictures_png) {
+ReportBlocks SetupsBlocks(const v1::Plan& plan, const std::vector<std::string>& face_pictures_png) {
   ReportBlocks blocks = SetupTable(plan);
   for (const ReportBlocks& more :
-       {ExcludedFaces(plan), FaceTable(plan, pictures_png), Remarks(plan)}) {
+       {ExcludedFaces(plan), FaceTable(plan, face_pictures_png), Remarks(plan)}) {
     blocks.insert(blocks.end(), more.begin(), more.end());
   }
   return blocks;

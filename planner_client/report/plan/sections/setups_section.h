@@ -10,8 +10,8 @@
 
 namespace sightline {
 
-// Set-ups in order, excluded faces, the resting faces, each with a picture of one of its scans
-// (PNG, may be empty; in the order of plan.scans), and remarks on scans. Empty without all of them.
-ReportBlocks SetupsBlocks(const v1::Plan& plan, const std::vector<std::string>& pictures_png);
+// Set-ups in order, excluded faces, the resting faces, and remarks on scans. Empty without all of
+// them. `face_pictures_png`: as in ReportData.
+ReportBlocks SetupsBlocks(const v1::Plan& plan, const std::vector<std::string>& face_pictures_png);
 
 }  // namespace sightline
