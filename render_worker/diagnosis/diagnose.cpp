@@ -20,6 +20,7 @@
 #include "render_worker/diagnosis/finding/pictures.h"
 #include "render_worker/diagnosis/finding/residual_law.h"
 #include "render_worker/diagnosis/selection/compare_models.h"
+#include "render_worker/diagnosis/selection/evident_effects.h"
 #include "render_worker/diagnosis/selection/next_recording.h"
 #include "render_worker/effects/discrepancy/free_form.h"
 
@@ -108,9 +109,12 @@ void AddFreeForms(const Hypothesis& best, v1::Diagnosis* diagnosis) {
 }
 
 // The description with the fitted values, the effects, and how an inspection expresses these.
-void AddCalibration(const RecordingSet& nominal, const Hypothesis& best, v1::Diagnosis* diagnosis) {
+void AddCalibration(const RecordingSet& nominal, const Hypothesis& best,
+                    const std::vector<ActiveEffect>& evident, v1::Diagnosis* diagnosis) {
   *diagnosis->mutable_calibrated() = RecordingsToProto(CalibratedSet(nominal, best.fit));
-  for (const ActiveEffect& active : best.effects) {
+  std::vector<ActiveEffect> effects = best.effects;
+  effects.insert(effects.end(), evident.begin(), evident.end());
+  for (const ActiveEffect& active : effects) {
     const EffectDescription& description = active.effect->description();
     v1::Effect* effect = diagnosis->add_calibrated_effects();
     effect->set_effect(std::string(description.id));
@@ -136,8 +140,9 @@ void WarnOfMisfit(const FitResult& best, v1::Diagnosis* diagnosis) {
       p_value > 0 ? absl::StrFormat("p = %.1e", p_value) : "p < 1e-300"));
 }
 
-v1::Diagnosis DescribeFinished(const SetModel& model, const ModelComparison& comparison,
-                               uint64_t seed) {
+// `nominal`: the fit of a model without any effect, evident ones included.
+v1::Diagnosis DescribeFinished(const SetModel& model, const FitResult& nominal,
+                               const ModelComparison& comparison, uint64_t seed) {
   const RecordedSet& set = model.set();
   const Hypothesis& best = comparison.ranked.front();
   v1::Diagnosis diagnosis;
@@ -146,16 +151,21 @@ v1::Diagnosis DescribeFinished(const SetModel& model, const ModelComparison& com
   AddExplanations(model, comparison, seed, &diagnosis);
   diagnosis.set_verdict(diagnosis.ranked(0).effect() == "none" ? "none" : "effect");
   diagnosis.set_corrected_by_renderings(comparison.rendered);
-  *diagnosis.mutable_held_out_improvement() =
-      DescribeImprovement(model, comparison.null, best.fit, seed);
-  *diagnosis.mutable_null_check() = DescribeCheck(comparison.null_check, comparison.null_check);
-  *diagnosis.mutable_named_check() = DescribeCheck(comparison.named_check, comparison.null_check);
+  *diagnosis.mutable_held_out_improvement() = DescribeImprovement(model, nominal, best.fit, seed);
+  const PredictiveCheck null_check = comparison.evident.empty()
+                                         ? comparison.null_check
+                                         : CheckPredictions(model, nominal, nominal, seed);
+  *diagnosis.mutable_null_check() = DescribeCheck(null_check, null_check);
+  *diagnosis.mutable_named_check() = DescribeCheck(comparison.named_check, null_check);
   if (IsFreeForm(best)) {
     for (size_t i = 0; i < comparison.named.effects.size(); ++i) {
       *diagnosis.add_part_of_it() = DescribeEffect(model, comparison.named, i);
     }
+    for (const ActiveEffect& evident : comparison.evident) {
+      *diagnosis.add_part_of_it() = DescribeEffect(evident);
+    }
   }
-  *diagnosis.mutable_null_fit() = DescribeFit(model, comparison.null);
+  *diagnosis.mutable_null_fit() = DescribeFit(model, nominal);
   *diagnosis.mutable_model_fit() = DescribeFit(model, best.fit);
   AddStages(comparison, &diagnosis);
   if (!best.effects.empty()) AddLaws(model, comparison.null, best.fit, seed, &diagnosis);
@@ -168,10 +178,17 @@ v1::Diagnosis DescribeFinished(const SetModel& model, const ModelComparison& com
     }
   }
   if (IsFreeForm(best)) AddFreeForms(best, &diagnosis);
-  AddCalibration(set.description, best, &diagnosis);
+  AddCalibration(set.description, best, comparison.evident, &diagnosis);
   WarnOfMisfit(best.fit, &diagnosis);
   diagnosis.set_finding(FindingText(best, diagnosis));
   return diagnosis;
+}
+
+// The fit of the nominal description without any effect.
+FitResult NominalFit(const RecordedSet& set, SetModelSettings settings,
+                     const SetParameters& start) {
+  settings.present_effects.clear();
+  return FitSet(SetModel(set, settings), start, {}, {}, nullptr);
 }
 
 }  // namespace
@@ -191,8 +208,11 @@ absl::StatusOr<v1::Diagnosis> Diagnose(const RecordedSet& set, const DiagnosisSe
   };
 
   if (!report(0, "reading statistics")) return cancelled;
+  std::vector<const Effect*> effects = EffectsToConsider(settings.excluded_effects);
   SetModelSettings model_settings;
   model_settings.threads = settings.threads;
+  model_settings.present_effects = EvidentEffects(set, effects);
+  const std::vector<ActiveEffect>& evident = model_settings.present_effects;
   const SetModel model(set, model_settings);
   if (!report(0.02, "fitting known parameters")) return cancelled;
   SetParameters start;
@@ -200,23 +220,29 @@ absl::StatusOr<v1::Diagnosis> Diagnose(const RecordedSet& set, const DiagnosisSe
   const FitResult null = FitSet(model, start, {}, {}, nullptr);
 
   ComparisonSettings comparison_settings;
-  const std::vector<const Effect*> effects = EffectsToConsider(settings.excluded_effects);
+  std::erase_if(effects, [&](const Effect* effect) {
+    return std::any_of(evident.begin(), evident.end(),
+                       [&](const ActiveEffect& active) { return active.effect == effect; });
+  });
   comparison_settings.effects = effects;
   comparison_settings.free_forms = FreeFormTerms();
   comparison_settings.max_effects = settings.max_effects;
   comparison_settings.seed = settings.seed;
   double done = 0;
-  const ModelComparison comparison =
+  ModelComparison comparison =
       CompareModels(model, null, comparison_settings, [&](double fraction) {
         done = fraction;
         return report(0.1 + 0.8 * fraction, "comparing explanations");
       });
+  comparison.evident = evident;
   if (!comparison.finished) {
     return DescribeUnfinished(model, comparison, effects.size(), done, settings.seed);
   }
   report(0.92, "describing");
 
-  v1::Diagnosis diagnosis = DescribeFinished(model, comparison, settings.seed);
+  v1::Diagnosis diagnosis = DescribeFinished(
+      model, evident.empty() ? comparison.null : NominalFit(set, model_settings, start), comparison,
+      settings.seed);
   report(1, "done");
   return diagnosis;
 }

@@ -34,7 +34,7 @@ absl::StatusOr<RecordedSet> RenderSet(const SetModel& model, const SetParameters
     if (!proceed()) return absl::CancelledError("rendering cancelled");
     const FrameSetup frame = FrameAt(model.set(), static_cast<int>(f), parameters, seed);
     absl::StatusOr<FormedImage> image =
-        RenderPlateFrame(frame, parameters.effects,
+        RenderPlateFrame(frame, model.EffectsOf(parameters),
                          frame.burst_frame_index > 0 ? &previous : nullptr, model.threads());
     if (!image.ok()) return image.status();
     rendered.frames[f].raw_dn = std::move(image->raw_dn);

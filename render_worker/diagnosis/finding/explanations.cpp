@@ -49,9 +49,21 @@ std::vector<size_t> Leading(const Hypothesis& hypothesis, const ModelComparison&
 }
 
 std::string NameOf(const Hypothesis& hypothesis, const ModelComparison& comparison) {
-  if (hypothesis.effects.empty()) return "none";
+  if (hypothesis.effects.empty()) {
+    if (comparison.evident.empty()) return "none";
+    return Text(comparison.evident.front().effect->description().id);
+  }
   if (IsFreeForm(hypothesis)) return "unknown";
   return Text(hypothesis.effects[Leading(hypothesis, comparison).front()].effect->description().id);
+}
+
+std::string StageOf(const Hypothesis& hypothesis, const ModelComparison& comparison) {
+  if (hypothesis.effects.empty()) {
+    if (comparison.evident.empty()) return "none";
+    return Text(StageName(comparison.evident.front().effect->description().stage));
+  }
+  const size_t first = Leading(hypothesis, comparison).front();
+  return Text(StageName(hypothesis.effects[first].effect->description().stage));
 }
 
 // Score on held-out recordings over that of the named model [nats].
@@ -109,6 +121,9 @@ std::string ReasonByEvidence(const ModelComparison& comparison, const Hypothesis
 std::string ReasonFor(const SetModel& model, const ModelComparison& comparison,
                       const Hypothesis& hypothesis, uint64_t seed) {
   const Hypothesis& best = comparison.ranked.front();
+  if (hypothesis.effects.empty() && !comparison.evident.empty()) {
+    return "evident from the raw numbers";
+  }
   if (&hypothesis == &best) return ReasonForAnswer(comparison);
   if (IsFreeForm(hypothesis) && !IsFreeForm(best) && hypothesis.probability == 0) {
     return ReasonForTerm(model, comparison, hypothesis, seed);
@@ -154,24 +169,36 @@ void AddRemainder(const ModelComparison& comparison, v1::Diagnosis* diagnosis) {
 
 }  // namespace
 
+v1::FittedEffect DescribeEffect(const ActiveEffect& active) {
+  const EffectDescription& description = active.effect->description();
+  v1::FittedEffect known;
+  known.set_effect(Text(description.id));
+  known.set_stage(Text(StageName(description.stage)));
+  for (size_t k = 0; k < description.parameters.size(); ++k) {
+    v1::FittedParameter* value = known.add_parameters();
+    value->set_name(Text(description.parameters[k].name));
+    value->set_value(active.parameters[k]);
+    value->set_lower(active.parameters[k]);
+    value->set_upper(active.parameters[k]);
+  }
+  for (std::string_view region : description.signature.regions) known.add_regions(Text(region));
+  for (std::string_view quantity : description.signature.depends_on) {
+    known.add_depends_on(Text(quantity));
+  }
+  return known;
+}
+
 v1::FittedEffect DescribeEffect(const SetModel& model, const Hypothesis& hypothesis, size_t index) {
   const ActiveEffect& active = hypothesis.effects[index];
   const bool colour =
       model.set().frames.front().nominal.sensor.colour_filter != ColourFilter::kMono;
-  const EffectDescription& description = active.effect->description();
-  v1::FittedEffect fitted;
-  fitted.set_effect(Text(description.id));
-  fitted.set_stage(Text(StageName(description.stage)));
-  for (size_t k = 0; k < description.parameters.size(); ++k) {
-    const EffectParameter& parameter = description.parameters[k];
-    v1::FittedParameter* value = fitted.add_parameters();
-    value->set_name(Text(parameter.name));
-    value->set_value(active.parameters[k]);
-    value->set_lower(active.parameters[k]);
-    value->set_upper(active.parameters[k]);
+  v1::FittedEffect fitted = DescribeEffect(active);
+  for (int k = 0; k < fitted.parameters_size(); ++k) {
+    const EffectParameter& parameter = active.effect->description().parameters[k];
+    v1::FittedParameter* value = fitted.mutable_parameters(k);
     for (size_t f = 0; f < hypothesis.free.size(); ++f) {
       const FreeEffectParameter& free = hypothesis.free[f];
-      if (free.effect != static_cast<int>(index) || free.parameter != static_cast<int>(k)) continue;
+      if (free.effect != static_cast<int>(index) || free.parameter != k) continue;
       // The change an effect makes is itself known to a part only.
       const double model_error =
           colour && parameter.name == "ambient_radiance_w_m2_sr" ? kEfficiencyError : kEffectError;
@@ -182,9 +209,6 @@ v1::FittedEffect DescribeEffect(const SetModel& model, const Hypothesis& hypothe
       value->set_upper(std::min(parameter.upper, active.parameters[k] + 1.96 * error));
     }
   }
-  const EffectSignature& signature = description.signature;
-  for (std::string_view region : signature.regions) fitted.add_regions(Text(region));
-  for (std::string_view quantity : signature.depends_on) fitted.add_depends_on(Text(quantity));
   return fitted;
 }
 
@@ -219,12 +243,7 @@ void AddExplanations(const SetModel& model, const ModelComparison& comparison, u
   std::map<std::string, v1::Explanation*> by_name;
   for (const Hypothesis& hypothesis : comparison.ranked) {
     const std::string name = NameOf(hypothesis, comparison);
-    const std::string stage =
-        hypothesis.effects.empty()
-            ? "none"
-            : Text(StageName(hypothesis.effects[Leading(hypothesis, comparison).front()]
-                                 .effect->description()
-                                 .stage));
+    const std::string stage = StageOf(hypothesis, comparison);
     v1::Explanation*& explanation = by_name[name == "unknown" ? name + stage : name];
     if (explanation != nullptr) {
       explanation->set_probability(explanation->probability() + hypothesis.probability);
@@ -237,6 +256,9 @@ void AddExplanations(const SetModel& model, const ModelComparison& comparison, u
     for (size_t i : Leading(hypothesis, comparison)) {
       if (!IsFreeForm(hypothesis))
         *explanation->add_effects() = DescribeEffect(model, hypothesis, i);
+    }
+    for (const ActiveEffect& evident : comparison.evident) {
+      if (!IsFreeForm(hypothesis)) *explanation->add_effects() = DescribeEffect(evident);
     }
     explanation->set_log_evidence_gain(hypothesis.log_evidence);
     const PredictedFit predicted = CrossValidate(model, hypothesis.fit, seed);
@@ -264,11 +286,7 @@ void AddUnfinished(const SetModel& model, const ModelComparison& comparison,
   for (const Hypothesis& hypothesis : comparison.ranked) {
     v1::Explanation* explanation = diagnosis->add_ranked();
     explanation->set_effect(NameOf(hypothesis, comparison));
-    explanation->set_stage("none");
-    if (!hypothesis.effects.empty()) {
-      const ActiveEffect& first = hypothesis.effects[Leading(hypothesis, comparison).front()];
-      explanation->set_stage(Text(StageName(first.effect->description().stage)));
-    }
+    explanation->set_stage(StageOf(hypothesis, comparison));
     explanation->set_probability(hypothesis.probability);
     explanation->set_log_evidence_gain(hypothesis.log_evidence);
     *explanation->mutable_evidence() = EvidenceToProto(hypothesis.evidence);
@@ -312,9 +330,9 @@ void AddStages(const ModelComparison& comparison, v1::Diagnosis* diagnosis) {
     gain = std::max(gain, screened.gain);
   }
   for (const Hypothesis& hypothesis : comparison.ranked) {
-    if (hypothesis.effects.empty()) continue;
-    auto& [gain, probability] = stages[Text(StageName(
-        hypothesis.effects[Leading(hypothesis, comparison).front()].effect->description().stage))];
+    const std::string stage = StageOf(hypothesis, comparison);
+    if (stage == "none") continue;
+    auto& [gain, probability] = stages[stage];
     gain = std::max(gain, hypothesis.log_evidence);
     probability += hypothesis.probability;
   }

@@ -13,6 +13,9 @@ namespace sightline {
 // Effect `index` of a hypothesis with its parameters and their 95 % intervals.
 v1::FittedEffect DescribeEffect(const SetModel& model, const Hypothesis& hypothesis, size_t index);
 
+// An effect with known parameters.
+v1::FittedEffect DescribeEffect(const ActiveEffect& active);
+
 // Covariance of the coefficients of effect `index` of a hypothesis, a model-discrepancy term, in
 // their units; those that are not needed are known.
 Eigen::MatrixXd CoefficientCovariance(const Hypothesis& hypothesis, size_t index);

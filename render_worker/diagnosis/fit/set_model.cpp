@@ -202,11 +202,18 @@ BlockVectors SetModel::StatisticsOf(const RecordedSet& images) const {
   return observed;
 }
 
+std::vector<ActiveEffect> SetModel::EffectsOf(const SetParameters& parameters) const {
+  std::vector<ActiveEffect> effects = parameters.effects;
+  const std::vector<ActiveEffect>& present = settings_.present_effects;
+  effects.insert(effects.end(), present.begin(), present.end());
+  return effects;
+}
+
 ExpectedSet SetModel::ExpectStrips(const SetParameters& parameters, bool middle_only,
                                    const ChangedRecordings* changed) const {
   const int frames = static_cast<int>(set_.frames.size());
   ExpectedSet expected;
-  expected.effects = parameters.effects;
+  expected.effects = EffectsOf(parameters);
   expected.model_error = parameters.model_error;
   if (changed != nullptr) {
     expected.strips = changed->before.strips;
@@ -222,7 +229,7 @@ ExpectedSet SetModel::ExpectStrips(const SetParameters& parameters, bool middle_
     setups[f] = DeviatedFrame(set_, f, deviations);
   }
   const SampleSettings samples = {settings_.strip_columns_px, settings_.speckle_levels,
-                                  MarginPx(set_, parameters.effects), middle_only};
+                                  MarginPx(set_, expected.effects), middle_only};
   ForAll(static_cast<int>(bursts_.size()), settings_.threads, [&](int burst) {
     const auto [first, last] = bursts_[burst];
     const bool computed = changed == nullptr ||

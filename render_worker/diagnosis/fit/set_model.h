@@ -34,6 +34,8 @@ struct SetModelSettings {
   int strip_columns_px = 2;  // of a column sample; even, so that a colour sensor's cells are whole
   int speckle_levels = 12;   // equally likely levels of speckle at which a pixel is evaluated
   int threads = 2;
+  // Effects that every expectation contains in addition to those of its parameters.
+  std::vector<ActiveEffect> present_effects = {};
 };
 
 // One vector per observation block, of all statistics one after the other.
@@ -99,6 +101,8 @@ class SetModel {
                            const ChangedRecordings* changed = nullptr) const;
   // Expected components of the blocks in `use` (empty: all); the others are empty vectors.
   BlockVectors MeanOf(const ExpectedSet& expected, const std::vector<bool>& use) const;
+  // Effects of the expectation: those of the parameters, and those that are always present.
+  std::vector<ActiveEffect> EffectsOf(const SetParameters& parameters) const;
   int blocks_along_line() const { return settings_.blocks_along_line; }
   int threads() const { return settings_.threads; }
 

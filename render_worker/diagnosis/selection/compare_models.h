@@ -49,6 +49,8 @@ struct ModelComparison {
   // True: the expectation of all fits is corrected by renderings at the parameters of the model
   // that was the best named one before (correction/rendered_correction.h).
   bool rendered = false;
+  // Effects that are taken for granted: all hypotheses contain them (SetModel::EffectsOf).
+  std::vector<ActiveEffect> evident;
   FitResult null;                  // the null model, under the covariance of all hypotheses
   std::vector<Hypothesis> ranked;  // most probable first; the null model is one of them
   std::vector<ScreenedEffect> screened;

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Inputs that a diagnosis refuses.
+// Inputs that a diagnosis refuses, and effects that the raw numbers show by themselves.
 #include "render_worker/diagnosis/diagnose.h"
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <string>
 
+#include "render_worker/effects/vocabulary.h"
 #include "tests/render_worker/diagnosis/rendered_set.h"
 
 namespace sightline {
@@ -24,6 +26,31 @@ TEST(Diagnose, UnknownExcludedEffectIsRefused) {
   settings.excluded_effects = {"optics.magic"};
   const auto diagnosis = Diagnose(MakeRecordedSet(SmallSetDescription(), {}), settings, nullptr);
   EXPECT_EQ(diagnosis.status().code(), absl::StatusCode::kInvalidArgument);
+}
+
+// Three stuck bits change the noise of every recording. Beside a ghost line they are found at once,
+// and the ghost line is found under the covariance that they leave.
+TEST(Diagnose, MissingBitsAreFoundBesideAnotherEffect) {
+  const ActiveEffect bits{&AdcMissingBits(), {3}};
+  ActiveEffect ghost{&GhostLine(), {}};
+  for (const EffectParameter& parameter : GhostLine().description().parameters) {
+    ghost.parameters.push_back(parameter.null_value);
+  }
+  ghost.parameters[0] = 0.1;
+  const RecordedSet set = RenderSmallSet({}, {ghost, bits}, 5);
+  const auto diagnosis = Diagnose(set, {}, nullptr);
+  ASSERT_TRUE(diagnosis.ok()) << diagnosis.status();
+  const v1::Explanation& answer = diagnosis->ranked(0);
+  EXPECT_EQ(answer.effect(), "illumination.ghost_line");
+  ASSERT_EQ(answer.effects_size(), 2);
+  EXPECT_EQ(answer.effects(1).effect(), "sensor.adc_missing_bits");
+  EXPECT_EQ(answer.effects(1).parameters(0).value(), 3);
+  EXPECT_NEAR(answer.effects(0).parameters(0).value(), 0.1, 0.02);
+  EXPECT_LT(diagnosis->held_out_improvement().with_effect(),
+            0.5 * diagnosis->held_out_improvement().null());
+  EXPECT_TRUE(std::any_of(
+      diagnosis->calibrated_effects().begin(), diagnosis->calibrated_effects().end(),
+      [](const v1::Effect& effect) { return effect.effect() == "sensor.adc_missing_bits"; }));
 }
 
 }  // namespace
