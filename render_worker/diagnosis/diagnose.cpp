@@ -12,6 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "render_worker/calibration/inspection_change.h"
+#include "render_worker/diagnosis/finding/appearance.h"
 #include "render_worker/diagnosis/finding/calibrated_set.h"
 #include "render_worker/diagnosis/finding/describe_fit.h"
 #include "render_worker/diagnosis/finding/describe_term.h"
@@ -181,6 +182,8 @@ v1::Diagnosis DescribeFinished(const SetModel& model, const FitResult& nominal,
   AddCalibration(set.description, best, comparison.evident, &diagnosis);
   WarnOfMisfit(best.fit, &diagnosis);
   diagnosis.set_finding(FindingText(best, diagnosis));
+  const std::string appearance = AppearanceText(comparison, diagnosis);
+  if (!appearance.empty()) diagnosis.mutable_finding()->append("\n" + appearance);
   return diagnosis;
 }
 

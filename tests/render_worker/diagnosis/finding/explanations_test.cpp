@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "render_worker/diagnosis/finding/appearance.h"
 #include "render_worker/diagnosis/finding/finding_text.h"
 #include "render_worker/effects/discrepancy/free_form.h"
 #include "render_worker/effects/stage_name.h"
@@ -70,6 +71,25 @@ class Explanations : public ::testing::Test {
   SetModel model_;
   ModelComparison comparison_;
 };
+
+TEST_F(Explanations, UnknownPhysicsIsSaidToLookLikeItsTerms) {
+  v1::Diagnosis diagnosis = Described();
+  EXPECT_EQ(AppearanceText(comparison_, diagnosis), "");  // a name leads
+  std::swap(comparison_.ranked[0], comparison_.ranked[1]);
+  Hypothesis& best = comparison_.ranked[0];
+  const EffectDescription& description = best.effects[0].effect->description();
+  // One coefficient of five standard errors, and no others that are known to differ from 0.
+  best.free = {{0, 1}};
+  best.fit.covariance = Eigen::MatrixXd::Identity(1, 1);
+  best.effects[0].parameters[1] = 5 * description.parameters[1].prior_scale;
+  diagnosis.add_laws()->set_law("proportional to exposure_time_s^1");
+  const std::string text = AppearanceText(comparison_, diagnosis);
+  EXPECT_THAT(text, AllOf(HasSubstr(std::string(description.summary)),
+                          HasSubstr(std::string(description.parameters[1].name)),
+                          HasSubstr("proportional to exposure_time_s^1"),
+                          HasSubstr("sensor.row_noise, has 100 nats less evidence")));
+  EXPECT_THAT(text, Not(HasSubstr(std::string(description.parameters[0].name) + " =")));
+}
 
 TEST_F(Explanations, ReasonsAreTrueOfANameThatLeads) {
   const v1::Diagnosis diagnosis = Described();
