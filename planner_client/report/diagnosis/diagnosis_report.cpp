@@ -62,8 +62,8 @@ void AddVerdict(const DiagnosisView& view, v1::Report* report) {
   add(PlainRun(rest));
 }
 
-// The second line of the finding: what the answer leaves.
-void AddRemainder(const DiagnosisView& view, v1::Report* report) {
+// Further lines of the finding: what the answer leaves, what unknown physics looks like.
+void AddFurtherLines(const DiagnosisView& view, v1::Report* report) {
   const std::string& finding = view.diagnosis.finding();
   const size_t end = finding.find('\n');
   if (end == std::string::npos) return;
