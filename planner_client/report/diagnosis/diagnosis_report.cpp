@@ -28,7 +28,7 @@ namespace {
 bool Interrupted(const DiagnosisView& view) { return view.diagnosis.verdict() == "interrupted"; }
 
 std::string DiagnosisHeading(const DiagnosisView& view) {
-  // A second line stands below the heading (AddRemainder).
+  // A second line stands below the heading (AddFurtherLines).
   if (!view.diagnosis.finding().empty()) {
     return view.diagnosis.finding().substr(0, view.diagnosis.finding().find('\n'));
   }
@@ -144,7 +144,7 @@ absl::StatusOr<v1::Report> DiagnosisReport(const v1::Diagnosis& diagnosis,
   report.set_subject(absl::StrCat("Sightline \u00b7 diagnosis of ", set));
   report.set_heading(DiagnosisHeading(view));
   AddVerdict(view, &report);
-  AddRemainder(view, &report);
+  AddFurtherLines(view, &report);
   AddDiagnosisFigures(view, &report);
   if (Interrupted(view)) {
     report.add_warnings(
