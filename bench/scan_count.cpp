@@ -10,7 +10,7 @@
 
 #include "bench/common/measure.h"
 #include "bench/common/parts.h"
-#include "bench/common/scene_oracle.h"
+#include "bench/common/scene_gain_model.h"
 #include "planner_client/strategy/generated_columns_plan.h"
 #include "planner_client/strategy/planner.h"
 #include "planner_client/strategy/scan_count_bound.h"
@@ -29,14 +29,14 @@ struct Options {
 
 Json RunPart(const Options& options, const std::string& name, const TriangleMesh& mesh) {
   const std::unique_ptr<CoverageScene> scene = BuildScene(mesh, options.spacing_m);
-  SceneOracle oracle(*scene);
-  const auto measurable = static_cast<double>(oracle.measurable().Count());
+  SceneGainModel gain_model(*scene);
+  const auto measurable = static_cast<double>(gain_model.measurable().Count());
   PlannerRequest request;
   request.domain = ThesisDomain();
   request.goal.coverage = options.goal;
   request.seed = options.seed;
   Stopwatch watch;
-  auto plan = MakePlan(oracle, request);
+  auto plan = MakePlan(gain_model, request);
   if (!plan.ok()) Fail(name, std::string(plan.status().message()));
   const double plan_s = watch.Seconds();
   const size_t before = plan->scans.size();
@@ -44,13 +44,13 @@ Json RunPart(const Options& options, const std::string& name, const TriangleMesh
   for (const ChosenScan& scan : plan->scans) scans.push_back(scan.measurement);
 
   watch = {};
-  const auto bound = BoundScanCount(oracle, request.domain, options.goal, scans,
+  const auto bound = BoundScanCount(gain_model, request.domain, options.goal, scans,
                                     options.bound_evaluations, options.seed);
   if (!bound.ok()) Fail(name, std::string(bound.status().message()));
   const double bound_s = watch.Seconds();
 
   watch = {};
-  plan = PlanWithGeneratedColumns(oracle, request, *std::move(plan), *bound);
+  plan = PlanWithGeneratedColumns(gain_model, request, *std::move(plan), *bound);
   if (!plan.ok()) Fail(name, std::string(plan.status().message()));
   const double again_s = watch.Seconds();
   const double settled = static_cast<double>(plan->score.Claimed()) / measurable;

@@ -6,7 +6,7 @@
 
 #include "absl/strings/str_format.h"
 #include "bench/common/measure.h"
-#include "bench/common/scene_oracle.h"
+#include "bench/common/scene_gain_model.h"
 #include "core/inspection/inspection.h"
 #include "core/random/random.h"
 #include "planner_client/optimise/search_space.h"
@@ -94,14 +94,14 @@ std::vector<Measurement> ClimbedScans(const CoverageScene& scene, size_t count, 
 
 std::vector<Measurement> GreedyPlanScans(const CoverageScene& scene, double goal,
                                          int64_t evaluations_per_scan, int64_t seed) {
-  SceneOracle oracle(scene);
+  SceneGainModel gain_model(scene);
   PlannerRequest request;
   request.domain = ThesisDomain();
   request.goal.coverage = goal;
   request.strategy = "greedy-pso-1";
   request.seed = seed;
   request.evaluations_per_scan = evaluations_per_scan;
-  auto plan = MakePlan(oracle, request);
+  auto plan = MakePlan(gain_model, request);
   if (!plan.ok()) Fail("greedy plan", std::string(plan.status().message()));
   std::vector<Measurement> scans;
   for (const ChosenScan& scan : plan->scans) scans.push_back(scan.measurement);

@@ -108,7 +108,8 @@ Json RunInspection(const Options& options, const std::string& file) {
     if (!least_time) fewest = plan;
     return absl::OkStatus();
   };
-  const auto found = MakeBoundedPlan(*session->oracle, request, options.bound_evaluations, hooks);
+  const auto found =
+      MakeBoundedPlan(*session->gain_model, request, options.bound_evaluations, hooks);
   if (!found.ok()) Fail(file, std::string(found.status().message()));
   const Costed before = CostOf(request.execution, *fewest);
   const Costed after = CostOf(request.execution, found->plan);

@@ -19,7 +19,7 @@
 #include <vector>
 
 #include "bench/common/measure.h"
-#include "bench/common/scene_oracle.h"
+#include "bench/common/scene_gain_model.h"
 #include "core/physics/angle.h"
 #include "core/random/random.h"
 #include "coverage_server/scene/coverage_scene.h"
@@ -174,19 +174,19 @@ Json RunPart(const Options& options, const std::string& name, TriangleMesh mesh,
   const MeasurementDomain domain = *definition.domain;
   auto scene = CoverageScene::Build(std::move(definition), {});
   if (!scene.ok()) Fail(name, std::string(scene.status().message()));
-  SceneOracle oracle(**scene);
+  SceneGainModel gain_model(**scene);
   PlannerRequest request;
   request.domain = domain;
   request.goal.coverage = options.goal;
   request.seed = options.seed;
-  auto plan = MakePlan(oracle, request);
+  auto plan = MakePlan(gain_model, request);
   if (!plan.ok()) Fail(name, std::string(plan.status().message()));
   std::vector<Measurement> scans;
   for (const ChosenScan& scan : plan->scans) scans.push_back(scan.measurement);
-  const auto bound =
-      BoundScanCount(oracle, domain, options.goal, scans, options.bound_evaluations, options.seed);
+  const auto bound = BoundScanCount(gain_model, domain, options.goal, scans,
+                                    options.bound_evaluations, options.seed);
   if (!bound.ok()) Fail(name, std::string(bound.status().message()));
-  plan = PlanWithGeneratedColumns(oracle, request, *std::move(plan), *bound);
+  plan = PlanWithGeneratedColumns(gain_model, request, *std::move(plan), *bound);
   if (!plan.ok()) Fail(name, std::string(plan.status().message()));
 
   for (const ChosenScan& scan : plan->scans) scans.push_back(scan.measurement);
@@ -198,7 +198,7 @@ Json RunPart(const Options& options, const std::string& name, TriangleMesh mesh,
     for (double& coordinate : x) coordinate = random.Uniform();
     scans.push_back(space.ToMeasurement(x));
   }
-  auto coverage = oracle.FastCoverage(scans);
+  auto coverage = gain_model.FastCoverage(scans);
   if (!coverage.ok()) Fail(name, std::string(coverage.status().message()));
   std::vector<TargetBits> columns;
   for (ScanCoverage& scan : *coverage) {
@@ -207,10 +207,10 @@ Json RunPart(const Options& options, const std::string& name, TriangleMesh mesh,
   columns = Undominated(std::move(columns));
   const int optimum = OptimumOver(columns, bound->goal_targets);
   std::printf("%16s%9ld%7d%9zu%9d%8.2f%11s%7zu\n", name.c_str(),
-              static_cast<long>(oracle.measurable().Count()), options.pool, columns.size(), optimum,
-              bound->bound, bound->converged ? "yes" : "no", plan->scans.size());
+              static_cast<long>(gain_model.measurable().Count()), options.pool, columns.size(),
+              optimum, bound->bound, bound->converged ? "yes" : "no", plan->scans.size());
   return {{"part", name},
-          {"targets", oracle.measurable().Count()},
+          {"targets", gain_model.measurable().Count()},
           {"pool", options.pool},
           {"undominated", columns.size()},
           {"optimum_over_pool", optimum},

@@ -14,7 +14,7 @@
 
 #include "bench/common/measure.h"
 #include "bench/common/parts.h"
-#include "bench/common/scene_oracle.h"
+#include "bench/common/scene_gain_model.h"
 #include "core/physics/angle.h"
 #include "core/statistics/order_statistics.h"
 #include "planner_client/placement/placement_coverage.h"
@@ -57,12 +57,12 @@ Json RunPart(const Options& options, const std::string& name, const TriangleMesh
   auto built = CoverageScene::Build(std::move(definition), {});
   if (!built.ok()) Fail(name, std::string(built.status().message()));
   const CoverageScene& scene = **built;
-  SceneOracle oracle(scene);
+  SceneGainModel gain_model(scene);
   PlannerRequest request;
   request.domain = domain;
   request.goal.coverage = options.goal;
   request.seed = options.seed;
-  auto plan = MakePlan(oracle, request);
+  auto plan = MakePlan(gain_model, request);
   if (!plan.ok()) Fail(name, std::string(plan.status().message()));
 
   PlacementModel model;

@@ -12,7 +12,7 @@
 #include "bench/common/scans.h"
 #include "bench/common/server_process.h"
 #include "planner_client/coverage_client/coverage_client.h"
-#include "planner_client/plan_oracle/uncertainty_oracle.h"
+#include "planner_client/gain_model/uncertainty_gain_model.h"
 #include "planner_client/strategy/planner.h"
 
 namespace sightline::bench {
@@ -42,10 +42,10 @@ Rate Measure(double seconds, pid_t server, const std::vector<Measurement>& scans
 // A greedy plan after which 40 % of the targets are known to 0.05 mm.
 std::vector<Measurement> PlanForUncertainty(CoverageClient& client, const CoverageTask& task) {
   const size_t count = client.targets().size();
-  UncertaintyOracle oracle({&client, JudgeTargets(client, *task.uncertainty, task.sampling,
-                                                  std::vector<float>(count, 5e-5f), 1e-3)},
-                           {nullptr, {}}, *task.uncertainty,
-                           {.admissible = 0.5, .information = 0.5}, 1e-3);
+  UncertaintyGainModel gain_model({&client, JudgeTargets(client, *task.uncertainty, task.sampling,
+                                                         std::vector<float>(count, 5e-5f), 1e-3)},
+                                  {nullptr, {}}, *task.uncertainty,
+                                  {.admissible = 0.5, .information = 0.5}, 1e-3);
   PlannerRequest request;
   request.domain = ThesisDomain();
   request.goal.coverage = 0;
@@ -53,7 +53,7 @@ std::vector<Measurement> PlanForUncertainty(CoverageClient& client, const Covera
   request.strategy = "greedy-pso-1";
   request.evaluations_per_scan = 2000;
   request.with_curves = false;
-  auto result = MakePlan(oracle, request);
+  auto result = MakePlan(gain_model, request);
   if (!result.ok()) Fail("plan", std::string(result.status().message()));
   std::vector<Measurement> scans;
   for (const ChosenScan& scan : result->scans) scans.push_back(scan.measurement);

@@ -128,7 +128,7 @@ int RunCompare(CompareOptions& options) {
   for (const Variant& variant : variants) {
     const std::string& strategy = variant.strategy;
     if (variant.gain) {
-      absl::Status status = session->oracle->SetWeights(*variant.gain);
+      absl::Status status = session->gain_model->SetWeights(*variant.gain);
       if (!status.ok()) return ReportError(status);
     }
     Run run{variant.label, std::vector<std::vector<int>>(options.goals.size()), {}, 0};
@@ -155,7 +155,7 @@ int RunCompare(CompareOptions& options) {
                                                 seed, p.scans, 100 * p.coverage));
         };
         const auto start = std::chrono::steady_clock::now();
-        auto result = MakePlan(*session->oracle, request);
+        auto result = MakePlan(*session->gain_model, request);
         if (!result.ok()) return ReportError(result.status());
         // A plan that was broken off says nothing of the strategy.
         if (result->stop_reason == StopReason::kInterrupted) break;

@@ -31,8 +31,8 @@
 #include "planner_client/commands/worker_session.h"
 #include "planner_client/explore/explore_routes.h"
 #include "planner_client/explore/explore_session.h"
+#include "planner_client/gain_model/coverage_gain_model.h"
 #include "planner_client/plan_file/plan_file.h"
-#include "planner_client/plan_oracle/coverage_oracle.h"
 #include "planning_service/http/http_server.h"
 
 namespace sightline {
@@ -135,7 +135,7 @@ absl::StatusOr<SavedPlan> SavePlan(PlanningSession& session, const std::string& 
                                    const std::vector<ExploredScan>& scans) {
   std::vector<Measurement> measurements;
   for (const ExploredScan& scan : scans) measurements.push_back(scan.measurement);
-  auto exact = session.oracle->ExactCoverage(measurements);
+  auto exact = session.gain_model->ExactCoverage(measurements);
   if (!exact.ok()) return exact.status();
   auto fast = session.client->FastCoverage(measurements);
   if (!fast.ok()) return fast.status();
@@ -215,13 +215,13 @@ int RunExplore(ExploreOptions& options) {
   task.inspection = session->inspection;
   task.part = session->part;
   task.targets = session->client->targets();
-  std::unique_ptr<GainOracle> within_reach;
+  std::unique_ptr<GainModel> within_reach;
   if (session->robot) {
     within_reach =
-        WithinReach(*session, std::make_unique<CoverageOracle>(*session->client, nullptr), {});
+        WithinReach(*session, std::make_unique<CoverageGainModel>(*session->client, nullptr), {});
   }
-  task.oracle = within_reach ? within_reach.get() : session->client.get();
-  if (session->oracle->ScoresPlans()) task.judge = session->oracle.get();
+  task.gain_model = within_reach ? within_reach.get() : session->client.get();
+  if (session->gain_model->ScoresPlans()) task.judge = session->gain_model.get();
   task.draw = std::move(pictures.draw);
   task.no_pictures = pictures.missing;
   task.folder = folder;

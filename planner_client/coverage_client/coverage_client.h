@@ -17,7 +17,7 @@
 #include "core/targets/target_set.h"
 #include "core/targets/uncovered_reason.h"
 #include "planner_client/rpc_client/channel.h"
-#include "planner_client/strategy/gain_oracle.h"
+#include "planner_client/strategy/gain_model.h"
 #include "sightline/v1/coverage_service.pb.h"
 
 namespace sightline {
@@ -107,7 +107,7 @@ struct PosteriorUncertainties {
 // restarted and has forgotten the scene gets it again without the caller noticing. Thread-safe.
 // Errors of the server are passed on with its message; UNAVAILABLE says when an embedded server
 // died and why.
-class CoverageClient : public GainOracle {
+class CoverageClient : public GainModel {
  public:
   // Uploads missing parts, has the scene built and fetches its targets.
   static absl::StatusOr<std::unique_ptr<CoverageClient>> Open(CoverageClientOptions options,

@@ -52,7 +52,7 @@ std::string MakeScene(const ExploreTask& task) {
   data.rig = task.inspection.rig;
   data.targets = task.targets;
   data.sampling = task.inspection.targets;
-  data.measurable = task.oracle->measurable();
+  data.measurable = task.gain_model->measurable();
   return ToJson(PlanScene(
       data, MakeDisplayMesh(*task.part, task.targets, data.sampling.spacing_m, kDisplayTriangles),
       {}));
@@ -148,7 +148,7 @@ absl::StatusOr<std::unique_ptr<ExploreSession>> ExploreSession::Open(ExploreTask
   std::vector<Measurement> measurements;
   for (const ExploredScan& scan : task.scans) measurements.push_back(scan.measurement);
   if (!measurements.empty()) {
-    auto exact = task.oracle->ExactCoverage(measurements);
+    auto exact = task.gain_model->ExactCoverage(measurements);
     if (!exact.ok()) return exact.status();
     for (size_t i = 0; i < task.scans.size(); ++i) task.scans[i].exact = std::move((*exact)[i]);
   }
@@ -162,7 +162,7 @@ absl::StatusOr<ScanCoverage> ExploreSession::Exact(const Measurement& measuremen
       if (known == measurement) return coverage;
     }
   }
-  auto exact = task_.oracle->ExactCoverage(std::span(&measurement, 1));
+  auto exact = task_.gain_model->ExactCoverage(std::span(&measurement, 1));
   if (!exact.ok()) return exact.status();
   const std::scoped_lock lock(exact_mutex_);
   exact_.emplace_front(measurement, exact->front());
@@ -308,7 +308,7 @@ Json ExploreSession::Setup() const {
   Json json = {{"name", inspection.name},
                {"part", inspection.part_file.substr(inspection.part_file.rfind('/') + 1)},
                {"targets", task_.targets.size()},
-               {"measurable", task_.oracle->measurable().Count()},
+               {"measurable", task_.gain_model->measurable().Count()},
                {"goal", inspection.goal.coverage},
                {"for_uncertainty", inspection.goal.admissible.has_value()},
                {"scan_step_m", inspection.rig.scan_step_m},
@@ -341,7 +341,7 @@ Json ExploreSession::Setup() const {
 }
 
 Json ExploreSession::StateLocked() const {
-  const int64_t measurable = task_.oracle->measurable().Count();
+  const int64_t measurable = task_.gain_model->measurable().Count();
   Json scans = Json::array();
   TargetBits covered(task_.targets.size());
   for (const ExploredScan& scan : scans_) {
@@ -386,7 +386,7 @@ std::vector<ExploredScan> ExploreSession::Scans() const {
 Json ExploreSession::EvaluationJson(const Measurement& measurement, const ScanCoverage& coverage,
                                     bool exact, const TargetBits& plan) const {
   const auto measurable =
-      static_cast<double>(std::max<int64_t>(1, task_.oracle->measurable().Count()));
+      static_cast<double>(std::max<int64_t>(1, task_.gain_model->measurable().Count()));
   const StageTravel travel = TravelOf(measurement, coverage);
   const int64_t fresh = coverage.covered.CountNotIn(plan);
   const int64_t before = plan.Count();
@@ -432,7 +432,7 @@ absl::StatusOr<Json> ExploreSession::Evaluate(const Json& request) {
     if (!coverage.ok()) return coverage.status();
     return EvaluationJson(*measurement, *coverage, true, plan);
   }
-  auto fast = task_.oracle->FastCoverage(std::span(&*measurement, 1));
+  auto fast = task_.gain_model->FastCoverage(std::span(&*measurement, 1));
   if (!fast.ok()) return fast.status();
   return EvaluationJson(*measurement, fast->front(), false, plan);
 }
@@ -520,7 +520,7 @@ absl::StatusOr<Json> ExploreSession::Suggest(const Json& request) {
   const SearchSpace space(domain);
   const auto known = KnownShares(plan_scans, plan);
   if (!known.ok()) return known.status();
-  GainOracle& guide = task_.judge != nullptr ? *task_.judge : *task_.oracle;
+  GainModel& guide = task_.judge != nullptr ? *task_.judge : *task_.gain_model;
   TopPoints top(kExactCandidates, kCandidateSeparation);
   const int64_t budget = kLocalEvaluations + (here ? 0 : kGlobalEvaluations);
   search_done_ = 0;

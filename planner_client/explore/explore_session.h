@@ -24,7 +24,7 @@
 #include "planner_client/explore/latest_only.h"
 #include "planner_client/explore/scan_view.h"
 #include "planner_client/render_client/draft_picture.h"
-#include "planner_client/strategy/gain_oracle.h"
+#include "planner_client/strategy/gain_model.h"
 #include "sightline/v1/optics.pb.h"
 
 namespace sightline {
@@ -49,10 +49,10 @@ struct ExploreTask {
   std::shared_ptr<const TriangleMesh> part;
   TargetSet targets;
   // Coverage, fast and exact; thread-safe; must outlive the session.
-  GainOracle* oracle = nullptr;
+  GainModel* gain_model = nullptr;
   // Scores plans where the goal is uncertainty, and guides the search there; else null.
   // Thread-safe; must outlive the session.
-  GainOracle* judge = nullptr;
+  GainModel* judge = nullptr;
   // Null: there are no pictures, because of `no_pictures`.
   DrawDraft draw;
   std::string no_pictures;

@@ -32,18 +32,18 @@ constexpr double kPlanDone = 0.25, kCountsDone = 0.6, kTimesDone = 0.95;
 
 class FrontMaker {
  public:
-  FrontMaker(GainOracle& oracle, const ParetoRequest& request)
-      : oracle_(oracle), request_(request), start_(std::chrono::steady_clock::now()) {}
+  FrontMaker(GainModel& gain_model, const ParetoRequest& request)
+      : gain_model_(gain_model), request_(request), start_(std::chrono::steady_clock::now()) {}
 
   absl::StatusOr<ParetoResult> Make() {
-    const int64_t evaluations_before = oracle_.evaluations();
+    const int64_t evaluations_before = gain_model_.evaluations();
     if (absl::Status status = AddPlanForGoal(); !status.ok()) return status;
     absl::Status status = SweepCounts();
     if (status.ok() && !request_.execution.costs.IsUnit()) status = SweepTimes();
     if (!status.ok() && !Stopped()) return status;
     ParetoResult result;
     result.front = FrontOf(std::move(found_));
-    result.evaluations = oracle_.evaluations() - evaluations_before;
+    result.evaluations = gain_model_.evaluations() - evaluations_before;
     result.plan_stop_reason = plan_stop_reason_;
     const auto chosen = PointForGoal(result.front.points);
     if (!chosen) return NothingSettled();
@@ -68,13 +68,13 @@ class FrontMaker {
 
   absl::Status NothingSettled() const {
     if (Stopped()) return absl::CancelledError("stopped before there was a plan");
-    if (oracle_.measurable().Count() == 0) {
+    if (gain_model_.measurable().Count() == 0) {
       return absl::FailedPreconditionError(
           "Pareto front: it is empty, because no measurable target has a tolerance");
     }
     return absl::FailedPreconditionError(absl::StrCat(
         "Pareto front: it is empty, because no feasible scan measures any of the ",
-        oracle_.measurable().Count(),
+        gain_model_.measurable().Count(),
         " targets well enough; check whether the domain in `measurement`, the stage's travel or "
         "obstacles exclude all scans"));
   }
@@ -127,8 +127,8 @@ class FrontMaker {
 
   absl::Status AddPlanForGoal() {
     const PlannerRequest request = Request(0, kPlanDone, "");
-    goal_targets_ = PlanRun(oracle_, request).goal_targets();
-    auto plan = MakePlan(oracle_, request);
+    goal_targets_ = PlanRun(gain_model_, request).goal_targets();
+    auto plan = MakePlan(gain_model_, request);
     if (!plan.ok()) return plan.status();
     if (plan->scans.empty()) return NothingSettled();
     plan_stop_reason_ = plan->stop_reason;
@@ -164,7 +164,7 @@ class FrontMaker {
         static_cast<int64_t>(candidates.size()) / scans;
     request.seed = static_cast<int64_t>(
         DeriveSeed(static_cast<uint64_t>(request.seed), 200 + static_cast<uint64_t>(scans)) >> 1);
-    auto plan = MakePlan(oracle_, request);
+    auto plan = MakePlan(gain_model_, request);
     if (!plan.ok()) return plan.status();
     AddPoint(*plan);
     AddCandidates(plan->candidates);
@@ -296,7 +296,7 @@ class FrontMaker {
       Progress(fraction, absl::StrCat(where, p.scans, " scans, ",
                                       absl::StrFormat("%.1f %%", 100 * p.coverage), ": ", p.phase));
     };
-    PlanRun run(oracle_, request);
+    PlanRun run(gain_model_, request);
     TimedSearch search(run, request_.execution, request_.scan_step_m, request_.estimate_frames);
     std::vector<Measurement> known;
     for (const ParetoPoint& point : found_) {
@@ -337,7 +337,7 @@ class FrontMaker {
     return absl::OkStatus();
   }
 
-  GainOracle& oracle_;
+  GainModel& gain_model_;
   const ParetoRequest& request_;
   const std::chrono::steady_clock::time_point start_;
   int64_t goal_targets_ = 0;
@@ -350,7 +350,7 @@ class FrontMaker {
 
 }  // namespace
 
-absl::StatusOr<ParetoResult> MakeParetoFront(GainOracle& oracle, const ParetoRequest& request) {
+absl::StatusOr<ParetoResult> MakeParetoFront(GainModel& gain_model, const ParetoRequest& request) {
   if (request.plan.strategy != "refined") {
     return absl::InvalidArgumentError(absl::StrCat("strategy: \"", request.plan.strategy,
                                                    "\" makes no Pareto front, only \"refined\""));
@@ -359,7 +359,7 @@ absl::StatusOr<ParetoResult> MakeParetoFront(GainOracle& oracle, const ParetoReq
     return absl::InvalidArgumentError(
         absl::StrCat("time_limits: ", request.time_limits, " is not in [0, 1000]"));
   }
-  return FrontMaker(oracle, request).Make();
+  return FrontMaker(gain_model, request).Make();
 }
 
 }  // namespace sightline

@@ -29,7 +29,7 @@
 #include "core/inspection/inspection.h"
 #include "planner_client/pareto/pareto_front.h"
 #include "planner_client/pareto/plan_time.h"
-#include "planner_client/strategy/gain_oracle.h"
+#include "planner_client/strategy/gain_model.h"
 #include "planner_client/strategy/planner.h"
 
 namespace sightline {
@@ -59,6 +59,6 @@ struct ParetoResult {
 // INVALID_ARGUMENT as MakePlan, and for another strategy. FAILED_PRECONDITION, with the reason: no
 // scan satisfies anything. CANCELLED: stopped before there was a plan; after that, the front so
 // far. Errors of the gain model are passed on.
-absl::StatusOr<ParetoResult> MakeParetoFront(GainOracle& oracle, const ParetoRequest& request);
+absl::StatusOr<ParetoResult> MakeParetoFront(GainModel& gain_model, const ParetoRequest& request);
 
 }  // namespace sightline

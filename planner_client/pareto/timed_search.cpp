@@ -51,7 +51,7 @@ absl::StatusOr<std::vector<std::optional<size_t>>> TimedSearch::Add(
     }
   }
   if (!missing.empty()) {
-    auto coverage = run_.oracle().FastCoverage(missing);
+    auto coverage = run_.gain_model().FastCoverage(missing);
     if (!coverage.ok()) return coverage.status();
     auto seconds = EstimatedS(missing);
     if (!seconds.ok()) return seconds.status();
@@ -61,7 +61,7 @@ absl::StatusOr<std::vector<std::optional<size_t>>> TimedSearch::Add(
       if (!feasible && !even_if_infeasible) continue;
       Scan scan{run_.space().ToUnit(missing[i]), {}, false};
       if (feasible) {
-        scan.shares = run_.oracle().ScoresPlans() ? std::move(c.shares) : FullShares(c.covered);
+        scan.shares = run_.gain_model().ScoresPlans() ? std::move(c.shares) : FullShares(c.covered);
       }
       index_of_[ToArray(missing[i])] = pool_.Add(scan.shares);
       scans_.push_back(std::move(scan));

@@ -40,9 +40,9 @@ class TimedSearch {
         estimate_(std::move(estimate)),
         fixed_(run.request().locked.size()),
         random_(DeriveSeed(static_cast<uint64_t>(run.request().seed), 301)),
-        pool_(run.oracle().steps(),
-              TargetSample(run.oracle().measurable(), run.oracle().steps().size(), kSamplePairs,
-                           random_)) {}
+        pool_(run.gain_model().steps(),
+              TargetSample(run.gain_model().measurable(), run.gain_model().steps().size(),
+                           kSamplePairs, random_)) {}
 
   // Fills the pool: the locked scans, then `candidates` as far as they are feasible. To be called
   // once, first.

@@ -16,7 +16,7 @@
 #include "core/rig/measurement.h"
 #include "core/targets/target_set.h"
 #include "planner_client/placement/placement_draws.h"
-#include "planner_client/strategy/gain_oracle.h"
+#include "planner_client/strategy/gain_model.h"
 
 namespace sightline {
 

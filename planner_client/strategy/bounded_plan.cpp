@@ -14,9 +14,12 @@ namespace {
 
 class BoundedSearch {
  public:
-  BoundedSearch(GainOracle& oracle, const PlannerRequest& request, int64_t bound_evaluations,
+  BoundedSearch(GainModel& gain_model, const PlannerRequest& request, int64_t bound_evaluations,
                 const BoundedPlanHooks& hooks)
-      : oracle_(oracle), request_(request), bound_evaluations_(bound_evaluations), hooks_(hooks) {}
+      : gain_model_(gain_model),
+        request_(request),
+        bound_evaluations_(bound_evaluations),
+        hooks_(hooks) {}
 
   absl::StatusOr<BoundedPlan> Run() {
     if (auto status = SearchFewest(); !status.ok()) return status;
@@ -69,7 +72,7 @@ class BoundedSearch {
     PlannerRequest request = request_;
     // The bound's scans are better than those of a longer search without them.
     request.draft = bound_evaluations_ > 0;
-    auto draft = During(PlanStep::kPlan, [&] { return MakePlan(oracle_, request); });
+    auto draft = During(PlanStep::kPlan, [&] { return MakePlan(gain_model_, request); });
     if (!draft.ok()) return draft.status();
     found_.plan = *std::move(draft);
     if (auto status = Tell(); !status.ok()) return status;
@@ -79,17 +82,17 @@ class BoundedSearch {
     if (auto status = FindBound(); !status.ok()) return status;
     if (auto status = PlanAgain(); !status.ok() || Interrupted()) return status;
     if (found_.plan.stop_reason != StopReason::kGoalReached) return absl::OkStatus();
-    return TakeIntoAccount(oracle_, request_.domain, Scans(), *found_.bound);
+    return TakeIntoAccount(gain_model_, request_.domain, Scans(), *found_.bound);
   }
 
   // Bounds the number of scans for the fraction that the draft satisfies, at most the goal.
   absl::Status FindBound() {
     const double satisfied =
         static_cast<double>(found_.plan.score.settled) /
-        static_cast<double>(std::max<int64_t>(1, oracle_.measurable().Count()));
+        static_cast<double>(std::max<int64_t>(1, gain_model_.measurable().Count()));
     auto bound = During(PlanStep::kBound, [&] {
       return BoundScanCount(
-          oracle_, request_.domain, std::min(GoalFraction(request_.goal), satisfied), Scans(),
+          gain_model_, request_.domain, std::min(GoalFraction(request_.goal), satisfied), Scans(),
           bound_evaluations_, request_.seed, hooks_.on_bound, request_.interrupted);
     });
     if (!bound.ok()) return bound.status();
@@ -102,7 +105,7 @@ class BoundedSearch {
     if (!request || Interrupted()) return absl::OkStatus();
     const size_t before = found_.plan.scans.size();
     auto plan = During(PlanStep::kPlanAgain, [&] {
-      return PlanWithGeneratedColumns(oracle_, *request, std::move(found_.plan), *found_.bound);
+      return PlanWithGeneratedColumns(gain_model_, *request, std::move(found_.plan), *found_.bound);
     });
     if (!plan.ok()) return plan.status();
     found_.plan = *std::move(plan);
@@ -115,14 +118,14 @@ class BoundedSearch {
     std::vector<Measurement> good;
     if (found_.bound) good = found_.bound->generated_columns;
     auto plan = During(PlanStep::kLeastTime, [&] {
-      return PlanInLeastTime(oracle_, *request, std::move(found_.plan), good);
+      return PlanInLeastTime(gain_model_, *request, std::move(found_.plan), good);
     });
     if (!plan.ok()) return plan.status();
     found_.plan = *std::move(plan);
     return Tell();
   }
 
-  GainOracle& oracle_;
+  GainModel& gain_model_;
   const PlannerRequest& request_;
   const int64_t bound_evaluations_;
   const BoundedPlanHooks& hooks_;
@@ -133,10 +136,10 @@ class BoundedSearch {
 
 }  // namespace
 
-absl::StatusOr<BoundedPlan> MakeBoundedPlan(GainOracle& oracle, const PlannerRequest& request,
+absl::StatusOr<BoundedPlan> MakeBoundedPlan(GainModel& gain_model, const PlannerRequest& request,
                                             int64_t bound_evaluations,
                                             const BoundedPlanHooks& hooks) {
-  return BoundedSearch(oracle, request, bound_evaluations, hooks).Run();
+  return BoundedSearch(gain_model, request, bound_evaluations, hooks).Run();
 }
 
 }  // namespace sightline

@@ -39,7 +39,7 @@ struct BoundedPlan {
 
 // `bound_evaluations`: budget of the bound, 0 for none. An interruption keeps the plan so far.
 // Errors of the gain model, and those of MakePlan.
-absl::StatusOr<BoundedPlan> MakeBoundedPlan(GainOracle& oracle, const PlannerRequest& request,
+absl::StatusOr<BoundedPlan> MakeBoundedPlan(GainModel& gain_model, const PlannerRequest& request,
                                             int64_t bound_evaluations,
                                             const BoundedPlanHooks& hooks = {});
 

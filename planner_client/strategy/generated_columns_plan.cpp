@@ -6,7 +6,7 @@
 
 namespace sightline {
 
-absl::StatusOr<PlannerResult> PlanWithGeneratedColumns(GainOracle& oracle,
+absl::StatusOr<PlannerResult> PlanWithGeneratedColumns(GainModel& gain_model,
                                                        const PlannerRequest& request,
                                                        PlannerResult plan,
                                                        const ScanCountBoundResult& bound) {
@@ -25,7 +25,7 @@ absl::StatusOr<PlannerResult> PlanWithGeneratedColumns(GainOracle& oracle,
        {&bound.generated_columns, &std::as_const(plan).candidates}) {
     again.candidates.insert(again.candidates.end(), found->begin(), found->end());
   }
-  auto better = MakePlan(oracle, again);
+  auto better = MakePlan(gain_model, again);
   if (!better.ok()) return better.status();
   const int64_t evaluations = plan.evaluations + better->evaluations;
   if (better->stop_reason == StopReason::kGoalReached && better->scans.size() < plan.scans.size()) {

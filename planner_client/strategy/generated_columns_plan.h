@@ -15,7 +15,7 @@ namespace sightline {
 // fewer scans, or `plan` itself if none with fewer reaches the goal; its evaluations are the sum of
 // both. Nothing changes if a converged bound leaves no room, for strategies that use no candidates,
 // and for plans that do not reach the goal. Errors of the gain model.
-absl::StatusOr<PlannerResult> PlanWithGeneratedColumns(GainOracle& oracle,
+absl::StatusOr<PlannerResult> PlanWithGeneratedColumns(GainModel& gain_model,
                                                        const PlannerRequest& request,
                                                        PlannerResult plan,
                                                        const ScanCountBoundResult& bound);

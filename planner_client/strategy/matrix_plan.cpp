@@ -10,13 +10,13 @@ namespace sightline {
 namespace {
 
 // Targets that the scan satisfies by itself: the matrix has no fractions.
-TargetBits SettledAlone(const GainOracle& oracle, const ScanCoverage& scan) {
-  if (!oracle.ScoresPlans()) return scan.covered;
-  TargetBits settled(oracle.measurable().size());
+TargetBits SettledAlone(const GainModel& gain_model, const ScanCoverage& scan) {
+  if (!gain_model.ScoresPlans()) return scan.covered;
+  TargetBits settled(gain_model.measurable().size());
   for (size_t i = 0; i < scan.shares.targets.size(); ++i) {
     if (scan.shares.share[i] >= 1) settled.Set(scan.shares.targets[i]);
   }
-  settled &= oracle.measurable();
+  settled &= gain_model.measurable();
   return settled;
 }
 
@@ -26,7 +26,7 @@ absl::StatusOr<PlannerResult> PlanWithMatrix(PlanRun& run) {
   constexpr int64_t kBatch = 256;
   constexpr double kFillingShare = 0.95;  // of the time, at the default number of samples
   const PlannerRequest& request = run.request();
-  MeasurabilityMatrix matrix(run.oracle().measurable().size());
+  MeasurabilityMatrix matrix(run.gain_model().measurable().size());
   Random random(DeriveSeed(static_cast<uint64_t>(request.seed), 0));
   for (int64_t done = 0; done < request.matrix_samples && !run.Stopped(); done += kBatch) {
     std::vector<Measurement> batch;
@@ -35,12 +35,12 @@ absl::StatusOr<PlannerResult> PlanWithMatrix(PlanRun& run) {
       for (double& coordinate : x) coordinate = random.Uniform();
       batch.push_back(run.space().ToMeasurement(x));
     }
-    auto coverage = run.oracle().FastCoverage(batch);
+    auto coverage = run.gain_model().FastCoverage(batch);
     if (run.IsStop(coverage.status())) break;
     if (!coverage.ok()) return coverage.status();
     for (size_t i = 0; i < batch.size(); ++i) {
       if ((*coverage)[i].feasibility == ScanFeasibility::kFeasible) {
-        matrix.AddRow(batch[i], SettledAlone(run.oracle(), (*coverage)[i]));
+        matrix.AddRow(batch[i], SettledAlone(run.gain_model(), (*coverage)[i]));
       }
     }
     run.SetPrepared(kFillingShare * static_cast<double>(done + static_cast<int64_t>(batch.size())) /
@@ -54,7 +54,7 @@ absl::StatusOr<PlannerResult> PlanWithMatrix(PlanRun& run) {
       [&](const std::vector<float>& known, int64_t,
           uint64_t) -> absl::StatusOr<std::vector<Measurement>> {
         std::vector<Measurement> result;
-        if (const auto choice = greedy.Next(Settled(run.oracle().measurable(), known))) {
+        if (const auto choice = greedy.Next(Settled(run.gain_model().measurable(), known))) {
           result.push_back(matrix.measurement(choice->row));
         }
         return result;

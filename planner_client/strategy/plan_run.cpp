@@ -8,15 +8,15 @@
 
 namespace sightline {
 
-PlanRun::PlanRun(GainOracle& oracle, const PlannerRequest& request)
-    : oracle_(oracle),
+PlanRun::PlanRun(GainModel& gain_model, const PlannerRequest& request)
+    : gain_model_(gain_model),
       request_(request),
       space_(request.domain),
-      measurable_(oracle.measurable().Count()),
+      measurable_(gain_model.measurable().Count()),
       goal_targets_(static_cast<int64_t>(
           std::ceil(GoalFraction(request.goal) * static_cast<double>(measurable_) - 1e-9))),
-      steps_(oracle.steps()),
-      evaluations_before_(oracle.evaluations()),
+      steps_(gain_model.steps()),
+      evaluations_before_(gain_model.evaluations()),
       start_(std::chrono::steady_clock::now()) {
   double whole = 0;
   for (const ShareStep& step : steps_) whole += step.weight;
@@ -60,7 +60,7 @@ absl::StatusOr<std::vector<const ScanCoverage*>> PlanRun::Exact(
     }
   }
   if (!missing.empty()) {
-    auto coverage = oracle_.ExactCoverage(missing);
+    auto coverage = gain_model_.ExactCoverage(missing);
     if (!coverage.ok()) return coverage.status();
     if (coverage->size() != missing.size()) {
       return absl::InternalError(
@@ -76,29 +76,29 @@ absl::StatusOr<std::vector<const ScanCoverage*>> PlanRun::Exact(
 }
 
 absl::StatusOr<TargetShares> PlanRun::SharesOf(const Measurement& scan) {
-  if (!oracle_.ScoresPlans()) {
+  if (!gain_model_.ScoresPlans()) {
     auto exact = Exact({&scan, 1});
     if (!exact.ok()) return exact.status();
     return FullShares(exact->front()->covered);
   }
-  auto fast = oracle_.FastCoverage({&scan, 1});
+  auto fast = gain_model_.FastCoverage({&scan, 1});
   if (!fast.ok()) return fast.status();
   return std::move(fast->front().shares);
 }
 
 absl::StatusOr<double> PlanRun::Added(std::span<const float> known, const Measurement& scan,
                                       const TargetShares& shares) {
-  if (!oracle_.ScoresPlans()) return GainAfter(known, shares);
-  auto gains = oracle_.Gains({&scan, 1}, known);
+  if (!gain_model_.ScoresPlans()) return GainAfter(known, shares);
+  auto gains = gain_model_.Gains({&scan, 1}, known);
   if (!gains.ok()) return gains.status();
   return gains->front().gain;
 }
 
 absl::StatusOr<PlanScore> PlanRun::Score(std::span<const Measurement> scans, bool thorough) {
-  if (oracle_.ScoresPlans()) return oracle_.ScorePlan(scans, thorough);
+  if (gain_model_.ScoresPlans()) return gain_model_.ScorePlan(scans, thorough);
   auto exact = Exact(scans);
   if (!exact.ok()) return exact.status();
-  TargetBits covered(oracle_.measurable().size()), fresh(oracle_.fresh_measurable().size());
+  TargetBits covered(gain_model_.measurable().size()), fresh(gain_model_.fresh_measurable().size());
   for (const ScanCoverage* scan : *exact) {
     if (scan->feasibility != ScanFeasibility::kFeasible) continue;
     covered |= scan->covered;
@@ -108,7 +108,7 @@ absl::StatusOr<PlanScore> PlanRun::Score(std::span<const Measurement> scans, boo
   score.judged = measurable_;
   score.settled = score.relaxed = covered.Count();
   if (fresh.size() > 0) {
-    score.fresh_judged = oracle_.fresh_measurable().Count();
+    score.fresh_judged = gain_model_.fresh_measurable().Count();
     score.fresh_settled = score.fresh_relaxed = fresh.Count();
   }
   return score;
@@ -123,7 +123,7 @@ BatchObjective PlanRun::Gain(std::vector<float> known, TopPoints* top, std::stri
     std::vector<Measurement> measurements;
     measurements.reserve(points.size());
     for (const auto& x : points) measurements.push_back(space_.ToMeasurement(x));
-    auto gains = oracle_.Gains(measurements, known);
+    auto gains = gain_model_.Gains(measurements, known);
     if (!gains.ok()) return gains.status();
     std::vector<double> values;
     values.reserve(gains->size());
@@ -186,7 +186,7 @@ absl::StatusOr<PlannerResult> PlanRun::Finish(std::span<const Measurement> movab
   if (!chosen.empty()) {
     if (auto status = ScoreFinished(chosen, &result); !status.ok()) return status;
     // For the report only, after the count.
-    auto fast = oracle_.FastCoverage(chosen);
+    auto fast = gain_model_.FastCoverage(chosen);
     if (!fast.ok()) return fast.status();
     for (size_t i = 0; i < chosen.size(); ++i) {
       result.scans[i].fast_covered = (*fast)[i].covered.Count();
@@ -200,15 +200,15 @@ absl::Status PlanRun::ScoreFinished(std::span<const Measurement> scans, PlannerR
   const auto total = static_cast<double>(std::max<int64_t>(1, measurable_));
   if (!request_.with_curves) {
     result->coverage_curve.clear();
-  } else if (oracle_.ScoresPlans()) {
-    auto growing = oracle_.ScoreGrowingPlan(scans);
+  } else if (gain_model_.ScoresPlans()) {
+    auto growing = gain_model_.ScoreGrowingPlan(scans);
     if (!growing.ok()) return growing.status();
     for (const PlanScore& score : *growing) {
       result->coverage_curve.push_back(static_cast<double>(score.settled) / total);
       result->relaxed_curve.push_back(static_cast<double>(score.relaxed) / total);
     }
   } else {
-    TargetBits covered(oracle_.measurable().size());
+    TargetBits covered(gain_model_.measurable().size());
     for (const ChosenScan& scan : result->scans) {
       covered |= scan.exact.covered;
       result->coverage_curve.push_back(static_cast<double>(covered.Count()) / total);

@@ -21,9 +21,9 @@ namespace sightline {
 
 class PlanRun {
  public:
-  PlanRun(GainOracle& oracle, const PlannerRequest& request);
+  PlanRun(GainModel& gain_model, const PlannerRequest& request);
 
-  GainOracle& oracle() { return oracle_; }
+  GainModel& gain_model() { return gain_model_; }
   const PlannerRequest& request() const { return request_; }
   const SearchSpace& space() const { return space_; }
   int64_t measurable() const { return measurable_; }
@@ -33,10 +33,10 @@ class PlanRun {
   double min_gain() const { return min_gain_; }
   // Shares of all targets before any scan.
   std::vector<float> NothingKnown() const {
-    return std::vector<float>(oracle_.measurable().size(), 0);
+    return std::vector<float>(gain_model_.measurable().size(), 0);
   }
   double GainAfter(std::span<const float> known, const TargetShares& scan) const {
-    return StepGain(steps_, oracle_.measurable(), known, scan);
+    return StepGain(steps_, gain_model_.measurable(), known, scan);
   }
   // Gain of a scan given the accumulated information, as well as searches know it. Partial steps
   // count too if the gain model counts them.
@@ -44,12 +44,12 @@ class PlanRun {
                                const TargetShares& shares);
   // Worth of the accumulated information of all targets.
   double Worth(std::span<const float> known) const {
-    return StepWorth(steps_, oracle_.measurable(), known);
+    return StepWorth(steps_, gain_model_.measurable(), known);
   }
   int64_t CountSettled(std::span<const float> known) const {
-    return Settled(oracle_.measurable(), known).Count();
+    return Settled(gain_model_.measurable(), known).Count();
   }
-  int64_t evaluations() const { return oracle_.evaluations() - evaluations_before_; }
+  int64_t evaluations() const { return gain_model_.evaluations() - evaluations_before_; }
 
   // Interrupted, or out of time.
   bool Stopped() const;
@@ -88,7 +88,7 @@ class PlanRun {
   // Curves and score of a finished plan.
   absl::Status ScoreFinished(std::span<const Measurement> scans, PlannerResult* result);
 
-  GainOracle& oracle_;
+  GainModel& gain_model_;
   const PlannerRequest& request_;
   SearchSpace space_;
   int64_t measurable_;

@@ -123,12 +123,12 @@ absl::Status CheckStrategy(const std::string& name) {
   return known ? absl::OkStatus() : UnknownStrategy(name);
 }
 
-absl::StatusOr<PlannerResult> MakePlan(GainOracle& oracle, const PlannerRequest& given) {
+absl::StatusOr<PlannerResult> MakePlan(GainModel& gain_model, const PlannerRequest& given) {
   if (auto status = CheckStrategy(given.strategy); !status.ok()) return status;
   if (auto status = CheckRequest(given); !status.ok()) return status;
   const PlannerRequest request = given.scan_count ? AimAtAllTargets(given) : given;
 
-  PlanRun run(oracle, request);
+  PlanRun run(gain_model, request);
   auto locked = run.Exact(request.locked);
   if (!locked.ok()) return locked.status();
   for (size_t i = 0; i < locked->size(); ++i) {

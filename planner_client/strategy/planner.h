@@ -12,7 +12,7 @@
 #include "absl/status/statusor.h"
 #include "core/inspection/inspection.h"
 #include "planner_client/strategy/execution/execution_model.h"
-#include "planner_client/strategy/gain_oracle.h"
+#include "planner_client/strategy/gain_model.h"
 
 namespace sightline {
 
@@ -105,6 +105,6 @@ absl::Status CheckStrategy(const std::string& name);
 
 // INVALID_ARGUMENT for an unknown strategy (names the nearest) or a locked scan outside its hard
 // limits; errors of the gain model are passed on. On interruption returns the plan so far.
-absl::StatusOr<PlannerResult> MakePlan(GainOracle& oracle, const PlannerRequest& request);
+absl::StatusOr<PlannerResult> MakePlan(GainModel& gain_model, const PlannerRequest& request);
 
 }  // namespace sightline

@@ -44,9 +44,9 @@ class RefinedPlanner {
         fixed_(run.request().locked.size()),
         random_(DeriveSeed(static_cast<uint64_t>(run.request().seed), 1)),
         aim_(run.goal_targets()),
-        pool_(run.oracle().steps(),
-              TargetSample(run.oracle().measurable(), run.oracle().steps().size(), kSamplePairs,
-                           random_)) {}
+        pool_(run.gain_model().steps(),
+              TargetSample(run.gain_model().measurable(), run.gain_model().steps().size(),
+                           kSamplePairs, random_)) {}
 
   absl::StatusOr<PlannerResult> Plan() {
     const absl::Status status = Search();
@@ -154,7 +154,8 @@ class RefinedPlanner {
   // evaluations are used up. Rounds bring ever less, so it would miss it by more. Never where
   // fractions add up: they grow long before they satisfy targets.
   bool OutOfReach() const {
-    if (!have_best_ || run_.oracle().ScoresPlans() || rounds_.size() <= kPaceRounds) return false;
+    if (!have_best_ || run_.gain_model().ScoresPlans() || rounds_.size() <= kPaceRounds)
+      return false;
     const Round &then = rounds_[rounds_.size() - 1 - kPaceRounds], &now = rounds_.back();
     const auto rounds_left =
         static_cast<double>(Left()) / static_cast<double>(now.evaluations - then.evaluations);
@@ -183,7 +184,7 @@ class RefinedPlanner {
     if (scans.empty()) return indices;
     std::vector<Measurement> measurements;
     for (const Scan& scan : scans) measurements.push_back(scan.measurement);
-    auto coverage = run_.oracle().FastCoverage(measurements);
+    auto coverage = run_.gain_model().FastCoverage(measurements);
     if (!coverage.ok()) return coverage.status();
     for (size_t i = 0; i < scans.size(); ++i) {
       ScanCoverage& c = (*coverage)[i];
@@ -193,7 +194,8 @@ class RefinedPlanner {
         continue;
       }
       if (feasible) {
-        scans[i].shares = run_.oracle().ScoresPlans() ? std::move(c.shares) : FullShares(c.covered);
+        scans[i].shares =
+            run_.gain_model().ScoresPlans() ? std::move(c.shares) : FullShares(c.covered);
       }
       indices.push_back(pool_.Add(scans[i].shares));
       scans_.push_back(std::move(scans[i]));
@@ -412,7 +414,7 @@ class RefinedPlanner {
         run_.Gain(others, &top, Phase("polishing"), static_cast<int64_t>(plan_.size()));
     std::vector<double> x = scans_[plan_[place]].x;
     double value = 0;
-    if (run_.oracle().ScoresPlans()) {
+    if (run_.gain_model().ScoresPlans()) {
       auto own = objective(std::span(&x, 1));
       if (!own.ok()) return own.status();
       value = own->front();

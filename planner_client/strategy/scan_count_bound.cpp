@@ -168,8 +168,9 @@ double SumOfSmallest(const TargetBits& measurable, const std::vector<double>& we
 }
 
 // Shares of a feasible scan that count: more than a target needs does not.
-TargetShares CountingShares(const GainOracle& oracle, ScanCoverage scan) {
-  TargetShares shares = oracle.ScoresPlans() ? std::move(scan.shares) : FullShares(scan.covered);
+TargetShares CountingShares(const GainModel& gain_model, ScanCoverage scan) {
+  TargetShares shares =
+      gain_model.ScoresPlans() ? std::move(scan.shares) : FullShares(scan.covered);
   for (float& share : shares.share) share = std::min(share, 1.0f);
   return shares;
 }
@@ -195,19 +196,19 @@ void State(ScanCountBoundResult& result) {
 
 class BoundSearch {
  public:
-  BoundSearch(GainOracle& oracle, const MeasurementDomain& domain, double goal, int64_t budget,
+  BoundSearch(GainModel& gain_model, const MeasurementDomain& domain, double goal, int64_t budget,
               int64_t seed, const std::function<void(const ScanCountBoundProgress&)>& on_progress,
               const std::atomic<bool>* interrupted)
-      : oracle_(oracle),
+      : gain_model_(gain_model),
         space_(domain),
-        measurable_(oracle.measurable()),
+        measurable_(gain_model.measurable()),
         goal_targets_(static_cast<int64_t>(
             std::ceil(goal * static_cast<double>(measurable_.Count()) - 1e-9))),
         budget_(budget),
         random_(DeriveSeed(static_cast<uint64_t>(seed), 17)),
         on_progress_(on_progress),
         interrupted_(interrupted),
-        evaluations_before_(oracle.evaluations()) {}
+        evaluations_before_(gain_model.evaluations()) {}
 
   absl::StatusOr<ScanCountBoundResult> Run(std::span<const Measurement> initial) {
     absl::Status status = Search(initial);
@@ -221,7 +222,7 @@ class BoundSearch {
   }
 
  private:
-  int64_t Used() const { return oracle_.evaluations() - evaluations_before_; }
+  int64_t Used() const { return gain_model_.evaluations() - evaluations_before_; }
   int64_t Left() const { return budget_ - Used(); }
   bool Interrupted() const { return interrupted_ != nullptr && *interrupted_; }
 
@@ -312,12 +313,12 @@ class BoundSearch {
   absl::Status AddColumns(std::vector<Measurement> scans) {
     scans.resize(std::min<size_t>(scans.size(), static_cast<size_t>(std::max<int64_t>(0, Left()))));
     if (scans.empty()) return absl::OkStatus();
-    auto coverage = oracle_.FastCoverage(scans);
+    auto coverage = gain_model_.FastCoverage(scans);
     if (!coverage.ok()) return coverage.status();
     for (size_t i = 0; i < scans.size(); ++i) {
       ScanCoverage& c = (*coverage)[i];
       if (c.feasibility != ScanFeasibility::kFeasible) continue;
-      TargetShares shares = CountingShares(oracle_, std::move(c));
+      TargetShares shares = CountingShares(gain_model_, std::move(c));
       if (shares.targets.empty()) continue;
       columns_.push_back(std::move(shares));
       result_.generated_columns.push_back(scans[i]);
@@ -346,7 +347,7 @@ class BoundSearch {
       if (Interrupted()) return absl::CancelledError("interrupted");
       std::vector<Measurement> measurements;
       for (const auto& x : points) measurements.push_back(space_.ToMeasurement(x));
-      auto gains = oracle_.WeightedGains(measurements, weights_f);
+      auto gains = gain_model_.WeightedGains(measurements, weights_f);
       if (!gains.ok()) return gains.status();
       std::vector<double> values;
       for (size_t i = 0; i < gains->size(); ++i) {
@@ -388,7 +389,7 @@ class BoundSearch {
     return absl::OkStatus();
   }
 
-  GainOracle& oracle_;
+  GainModel& gain_model_;
   SearchSpace space_;
   const TargetBits& measurable_;
   const int64_t goal_targets_;
@@ -410,7 +411,7 @@ class BoundSearch {
 }  // namespace
 
 absl::StatusOr<ScanCountBoundResult> BoundScanCount(
-    GainOracle& oracle, const MeasurementDomain& domain, double goal,
+    GainModel& gain_model, const MeasurementDomain& domain, double goal,
     std::span<const Measurement> initial_scans, int64_t budget, int64_t seed,
     const std::function<void(const ScanCountBoundProgress&)>& on_progress,
     const std::atomic<bool>* interrupted) {
@@ -420,21 +421,22 @@ absl::StatusOr<ScanCountBoundResult> BoundScanCount(
   if (budget < 1) {
     return absl::InvalidArgumentError(absl::StrCat("budget: ", budget, " is not >= 1"));
   }
-  return BoundSearch(oracle, domain, goal, budget, seed, on_progress, interrupted)
+  return BoundSearch(gain_model, domain, goal, budget, seed, on_progress, interrupted)
       .Run(initial_scans);
 }
 
-absl::Status TakeIntoAccount(GainOracle& oracle, const MeasurementDomain& domain,
+absl::Status TakeIntoAccount(GainModel& gain_model, const MeasurementDomain& domain,
                              std::span<const Measurement> plan, ScanCountBoundResult& bound) {
   const bool inside = std::all_of(plan.begin(), plan.end(),
                                   [&](const Measurement& scan) { return domain.Contains(scan); });
   if (bound.weights.empty() || plan.empty() || !inside) return absl::OkStatus();
-  auto coverage = oracle.FastCoverage(plan);
+  auto coverage = gain_model.FastCoverage(plan);
   if (!coverage.ok()) return coverage.status();
   double heaviest = 1;
   for (ScanCoverage& scan : *coverage) {
     if (scan.feasibility != ScanFeasibility::kFeasible) continue;
-    heaviest = std::max(heaviest, WeightOf(CountingShares(oracle, std::move(scan)), bound.weights));
+    heaviest =
+        std::max(heaviest, WeightOf(CountingShares(gain_model, std::move(scan)), bound.weights));
   }
   bound.converged = bound.converged && heaviest <= 1 + kTolerance;
   bound.bound = std::min(bound.bound / heaviest, static_cast<double>(plan.size()));

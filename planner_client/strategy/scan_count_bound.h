@@ -28,7 +28,7 @@
 
 #include "absl/status/statusor.h"
 #include "core/inspection/inspection.h"
-#include "planner_client/strategy/gain_oracle.h"
+#include "planner_client/strategy/gain_model.h"
 
 namespace sightline {
 
@@ -61,7 +61,7 @@ struct ScanCountBoundProgress {
 // most `budget` > 0 evaluations. Interrupted: the best bound so far. INVALID_ARGUMENT for a goal or
 // budget out of range; errors of the gain model are passed on.
 absl::StatusOr<ScanCountBoundResult> BoundScanCount(
-    GainOracle& oracle, const MeasurementDomain& domain, double goal,
+    GainModel& gain_model, const MeasurementDomain& domain, double goal,
     std::span<const Measurement> initial_scans, int64_t budget, int64_t seed,
     const std::function<void(const ScanCountBoundProgress&)>& on_progress = {},
     const std::atomic<bool>* interrupted = nullptr);
@@ -70,7 +70,7 @@ absl::StatusOr<ScanCountBoundResult> BoundScanCount(
 // weight of its scans. The bound can exceed the plan's number of scans slightly, where fast and
 // exact targets differ. Changes nothing if a scan lies outside `domain`, to which the bound
 // applies. Errors of the gain model.
-absl::Status TakeIntoAccount(GainOracle& oracle, const MeasurementDomain& domain,
+absl::Status TakeIntoAccount(GainModel& gain_model, const MeasurementDomain& domain,
                              std::span<const Measurement> plan, ScanCountBoundResult& bound);
 
 }  // namespace sightline

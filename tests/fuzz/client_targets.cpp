@@ -5,9 +5,9 @@
 
 #include "core/inspection/robot_mount.h"
 #include "planner_client/explore/explore_request.h"
+#include "planner_client/gain_model/record_replay_gain_model.h"
 #include "planner_client/optics_client/uncertainty_correction.h"
 #include "planner_client/pareto/pareto_json.h"
-#include "planner_client/plan_oracle/journalled_oracle.h"
 #include "planner_client/raw_image/raw_png.h"
 #include "planner_client/render_client/finished_images.h"
 #include "planner_client/robot/urdf/robot_model.h"
@@ -21,7 +21,7 @@ namespace sightline {
 namespace {
 
 // Stands behind the journal and is asked when the journal has no answer.
-class NoOracle final : public GainOracle {
+class NoGainModel final : public GainModel {
  public:
   const TargetBits& measurable() const override { return none_; }
   absl::StatusOr<std::vector<ScanGain>> Gains(std::span<const Measurement> measurements,
@@ -50,7 +50,7 @@ class NoOracle final : public GainOracle {
 void ReadJournal(std::string_view bytes) {
   static const MemoryFolder folder;
   const std::string file = folder.Write("answers", bytes);
-  auto journal = JournalledOracle::Open(std::make_unique<NoOracle>(), file, "seed");
+  auto journal = RecordReplayGainModel::Open(std::make_unique<NoGainModel>(), file, "seed");
   if (!journal.ok()) return;
   const std::vector<Measurement> scans(2);
   (void)(*journal)->Gains(scans, {}).ok();

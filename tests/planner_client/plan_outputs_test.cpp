@@ -18,7 +18,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/json/strict_json.h"
 #include "planner_client/coverage_client/coverage_client.h"
-#include "tests/planner_client/analytic_oracle.h"
+#include "tests/planner_client/analytic_gain_model.h"
 
 namespace sightline {
 namespace {
@@ -60,28 +60,28 @@ class RefusingClient final : public CoverageClient {
 
   const SceneInfo& scene() const override { return scene_; }
   const TargetSet& targets() const override { return targets_; }
-  const TargetBits& measurable() const override { return oracle_.measurable(); }
-  int64_t evaluations() const override { return oracle_.evaluations(); }
+  const TargetBits& measurable() const override { return gain_model_.measurable(); }
+  int64_t evaluations() const override { return gain_model_.evaluations(); }
   int recoveries() const override { return 0; }
   absl::StatusOr<std::vector<ScanGain>> Gains(std::span<const Measurement> measurements,
                                               std::span<const float> known) override {
-    return oracle_.Gains(measurements, known);
+    return gain_model_.Gains(measurements, known);
   }
   absl::StatusOr<std::vector<ScanGain>> WeightedGains(std::span<const Measurement> measurements,
                                                       std::span<const float> weights) override {
-    return oracle_.WeightedGains(measurements, weights);
+    return gain_model_.WeightedGains(measurements, weights);
   }
   absl::StatusOr<std::vector<ScanCoverage>> FastCoverage(
       std::span<const Measurement> measurements) override {
-    return oracle_.FastCoverage(measurements);
+    return gain_model_.FastCoverage(measurements);
   }
   absl::StatusOr<std::vector<ScanCoverage>> ExactCoverage(
       std::span<const Measurement> measurements) override {
-    return oracle_.ExactCoverage(measurements);
+    return gain_model_.ExactCoverage(measurements);
   }
   absl::StatusOr<std::vector<ScanCoverage>> DisplacedCoverage(
       std::span<const Measurement> measurements, std::span<const ScanDisplacement>) override {
-    return oracle_.ExactCoverage(measurements);
+    return gain_model_.ExactCoverage(measurements);
   }
   absl::StatusOr<std::vector<ScanPoint>> MeasurementPoints(const Measurement&) override {
     if (refusals_.points) return refusal_;
@@ -115,10 +115,10 @@ class RefusingClient final : public CoverageClient {
  private:
   const Refusals refusals_;
   const absl::Status refusal_;
-  FunctionOracle oracle_{kTargets, [](const Measurement& m, size_t t) {
-                           return std::abs(0.01 * static_cast<double>(t) - 0.1 - m.offset_y_m) <
-                                  0.0301;
-                         }};
+  FunctionGainModel gain_model_{
+      kTargets, [](const Measurement& m, size_t t) {
+        return std::abs(0.01 * static_cast<double>(t) - 0.1 - m.offset_y_m) < 0.0301;
+      }};
   TargetSet targets_;
   SceneInfo scene_;
 };

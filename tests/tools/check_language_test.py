@@ -35,10 +35,10 @@ class CheckLanguageTest(unittest.TestCase):
         self.assertEqual([(1, "words")], found("core/a.cpp", "// All judged targets.\n"))
         self.assertEqual([(1, "words")], found("core/a.cpp", 'Say("it scans " "the fresh targets");\n'))
         self.assertEqual([], found("tests/core/a.cpp", 'Say("it scans the fresh targets");\n'))
-        self.assertEqual([], found("core/a.cpp", "// `judged targets` and judged_targets\n#include \"x/oracle.h\"\n"))
+        self.assertEqual([], found("core/a.cpp", "// `judged targets` and judged_targets\n#include \"x/gain_model.h\"\n"))
 
     def test_names_of_code_are_not_words(self):
-        self.assertEqual([], found("core/a.cpp", "// GainOracle, plan_oracle/x.h and --no-fresh-targets.\n"))
+        self.assertEqual([], found("core/a.cpp", "// GainModel, gain_model/x.h and --no-fresh-targets.\n"))
 
     def test_long_sentences_of_pages(self):
         long = "One " + "and one more " * 14 + "end.\n"

@@ -8,7 +8,7 @@
 #include "core/inspection/inspection.h"
 #include "planner_client/command_line/process/interrupt.h"
 #include "planner_client/command_line/process/progress_line.h"
-#include "planner_client/replanning/measured_oracle.h"
+#include "planner_client/replanning/measured_gain_model.h"
 #include "planner_client/strategy/execution/execution_model.h"
 #include "planner_client/strategy/planner.h"
 
@@ -73,19 +73,20 @@ absl::StatusOr<std::optional<v1::NextScan>> FindNextScan(const NextScanQuestion&
       JudgeTargets(client, *inspection.uncertainty, inspection.targets,
                    NeededOf(*session->requirements, judged, client.targets()), relaxed_m);
   if (needed.judged.Count() == 0) return std::nullopt;
-  auto simulated = std::make_unique<UncertaintyOracle>(
-      UncertaintyOracle::Sampling{&client, needed}, UncertaintyOracle::Sampling{nullptr, {}},
+  auto simulated = std::make_unique<UncertaintyGainModel>(
+      UncertaintyGainModel::Sampling{&client, needed}, UncertaintyGainModel::Sampling{nullptr, {}},
       *inspection.uncertainty, inspection.goal.gain, relaxed_m);
-  MeasuredOracle oracle(std::move(simulated), earlier.Measured(),
-                        MeasuredTargetsOf(*session, client, needed), std::nullopt, relaxed_m);
+  MeasuredGainModel gain_model(std::move(simulated), earlier.Measured(),
+                               MeasuredTargetsOf(*session, client, needed), std::nullopt,
+                               relaxed_m);
   ProgressLine progress(kSearchPhase);
   PlannerRequest request = RequestOf(*session, earlier, question);
   request.on_progress = [&progress](const PlanProgress& p) { progress.Show(p.done, p.phase); };
-  auto plan = MakePlan(oracle, request);
+  auto plan = MakePlan(gain_model, request);
   progress.Finish();
   if (!plan.ok()) return plan.status();
   if (plan->scans.size() <= request.locked.size()) return std::nullopt;
-  const auto score = oracle.ScorePlan(request.locked, true);
+  const auto score = gain_model.ScorePlan(request.locked, true);
   if (!score.ok()) return score.status();
   v1::NextScan next;
   *next.mutable_measurement() = MeasurementToProto(plan->scans.back().measurement);

@@ -158,7 +158,7 @@ class JointPlanner {
     if (!session.ok()) return session.status();
     session->inspection.goal = session_.inspection.goal;
     session_ = *std::move(session);
-    auto score = session_.oracle->ScorePlan(ScansOf(document_), true);
+    auto score = session_.gain_model->ScorePlan(ScansOf(document_), true);
     if (!score.ok()) return score.status();
     round->set_settled_with(static_cast<double>(score->settled) /
                             static_cast<double>(std::max<int64_t>(1, score->judged)));
@@ -168,7 +168,7 @@ class JointPlanner {
   absl::Status PlanAgain() {
     request_.locked = ScansOf(document_, true);
     request_.starting = ScansOf(document_, false);
-    auto result = MakePlan(*session_.oracle, request_);
+    auto result = MakePlan(*session_.gain_model, request_);
     if (!result.ok()) return result.status();
     absl::Status made = MakeDocument(std::move(result->scans), result->evaluations,
                                      StopReasonToProto(result->stop_reason));

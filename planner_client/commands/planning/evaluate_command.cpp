@@ -62,7 +62,7 @@ Command AddEvaluateCommand(CLI::App& app) {
     auto session = OpenSession(options->session);
     if (!session.ok()) return ReportError(session.status());
     options->output.timings.push_back({"loading and visibility data", session->open_time_s});
-    auto exact = session->oracle->ExactCoverage(given->all);
+    auto exact = session->gain_model->ExactCoverage(given->all);
     if (!exact.ok()) return ReportError(exact.status());
     auto fast = session->client->FastCoverage(given->all);
     if (!fast.ok()) return ReportError(fast.status());

@@ -30,8 +30,8 @@ ParetoTask TaskOf(const PlanningSession& session, const PlanningGoal& goal) {
   task.domain = session.inspection.domain;
   task.for_uncertainty = session.ForUncertainty();
   task.goal = GoalFraction(goal);
-  task.judged_targets = session.oracle->measurable().Count();
-  task.fresh_judged_targets = session.oracle->fresh_measurable().Count();
+  task.judged_targets = session.gain_model->measurable().Count();
+  task.fresh_judged_targets = session.gain_model->fresh_measurable().Count();
   return task;
 }
 
@@ -48,11 +48,11 @@ absl::StatusOr<std::vector<ChosenScan>> EvaluateAgain(const PlanningSession& ses
   request.domain = session.inspection.domain;
   request.goal = session.inspection.goal;
   request.goal.max_time_s.reset();
-  PlanRun run(*session.oracle, request);
+  PlanRun run(*session.gain_model, request);
   const std::vector<Measurement> measurements = ScansOfPoint(point);
   auto exact = run.Exact(measurements);
   if (!exact.ok()) return exact.status();
-  auto fast = session.oracle->FastCoverage(measurements);
+  auto fast = session.gain_model->FastCoverage(measurements);
   if (!fast.ok()) return fast.status();
   std::vector<ChosenScan> scans;
   std::vector<FrameRange> frames;
@@ -135,7 +135,7 @@ absl::StatusOr<PlannerResult> PlanFront(const PlanningSession& session,
   front.on_progress = [&](double fraction, const std::string& text) {
     progress.Show(fraction, text);
   };
-  auto made = MakeParetoFront(*session.oracle, front);
+  auto made = MakeParetoFront(*session.gain_model, front);
   if (!made.ok()) return made.status();
   const size_t chosen = *PointForGoal(made->front.points);
   output->pareto = ParetoToProto(*made, TaskOf(session, request.goal), request.seed, chosen,

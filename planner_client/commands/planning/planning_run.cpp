@@ -170,7 +170,7 @@ void PlanningRun::Show(double fraction, const std::string& text) {
 
 absl::Status PlanningRun::Search() {
   if (options_.pareto.front) return SearchFront();
-  auto found = MakeBoundedPlan(*session_.oracle, request_, options_.bound_evaluations, Hooks());
+  auto found = MakeBoundedPlan(*session_.gain_model, request_, options_.bound_evaluations, Hooks());
   if (!found.ok()) return found.status();
   result_ = std::move(found->plan);
   bound_ = std::move(found->bound);
@@ -183,7 +183,7 @@ absl::Status PlanningRun::SearchFront() {
     BeginStep(PlanStep::kBound);
     const auto bound_start = std::chrono::steady_clock::now();
     auto bound = BoundScanCount(
-        *session_.oracle, request_.domain, GoalFraction(request_.goal), {},
+        *session_.gain_model, request_.domain, GoalFraction(request_.goal), {},
         options_.bound_evaluations, request_.seed,
         [this](const ScanCountBoundProgress& p) { ShowBound(p); }, &InterruptFlag());
     EndStep(PlanStep::kBound, SecondsSince(bound_start));

@@ -67,9 +67,9 @@ absl::StatusOr<std::vector<ChosenScan>> ScansOfStart(const PlanningSession& sess
   for (const StartResult::Scan& scan : start.scans) measurements.push_back(scan.measurement);
   std::vector<ChosenScan> scans;
   if (measurements.empty()) return scans;
-  auto exact = session.oracle->ExactCoverage(measurements);
+  auto exact = session.gain_model->ExactCoverage(measurements);
   if (!exact.ok()) return exact.status();
-  auto fast = session.oracle->FastCoverage(measurements);
+  auto fast = session.gain_model->FastCoverage(measurements);
   if (!fast.ok()) return fast.status();
   for (size_t i = 0; i < measurements.size(); ++i) {
     scans.push_back({.measurement = measurements[i],

@@ -112,17 +112,17 @@ absl::StatusOr<SearchCheckpoint> SearchCheckpoint::Open(const std::string& folde
 
 absl::Status SearchCheckpoint::KeepAnswers(const std::string& search, PlanningSession* session) {
   if (folder_.empty()) return absl::OkStatus();
-  auto journal = JournalledOracle::Open(std::move(session->oracle), AnswersFile(search),
-                                        answers_fingerprint_, SayAboutCheckpoint);
+  auto journal = RecordReplayGainModel::Open(std::move(session->gain_model), AnswersFile(search),
+                                             answers_fingerprint_, SayAboutCheckpoint);
   if (!journal.ok()) return journal.status();
   journal_ = journal->get();
-  session->oracle = *std::move(journal);
+  session->gain_model = *std::move(journal);
   return absl::OkStatus();
 }
 
 void SearchCheckpoint::LeaveAnswers(PlanningSession* session) {
   if (journal_ == nullptr) return;
-  session->oracle = std::exchange(journal_, nullptr)->Release();
+  session->gain_model = std::exchange(journal_, nullptr)->Release();
 }
 
 std::optional<StartResult> SearchCheckpoint::ResultOf(int64_t seed) const {

@@ -10,9 +10,9 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "planner_client/commands/planning/session/planning_session.h"
+#include "planner_client/gain_model/record_replay_gain_model.h"
 #include "planner_client/kept_answers/question_files.h"
 #include "planner_client/multi_start/start_result.h"
-#include "planner_client/plan_oracle/journalled_oracle.h"
 #include "planner_client/strategy/planner.h"
 
 namespace sightline {
@@ -60,7 +60,7 @@ class SearchCheckpoint {
 
   std::string folder_;  // empty: nothing is kept
   std::string answers_fingerprint_, results_fingerprint_;
-  JournalledOracle* journal_ = nullptr;  // the session's gain model, if that keeps its answers
+  RecordReplayGainModel* journal_ = nullptr;  // the session's gain model, if that keeps its answers
 };
 
 }  // namespace sightline

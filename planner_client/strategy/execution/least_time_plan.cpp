@@ -69,9 +69,9 @@ class LeastTimePlanner {
         given_(plan),
         candidates_(candidates),
         random_(DeriveSeed(static_cast<uint64_t>(run.request().seed), 57)),
-        pool_(run.oracle().steps(),
-              TargetSample(run.oracle().measurable(), run.oracle().steps().size(), kChoicePairs,
-                           random_)) {
+        pool_(run.gain_model().steps(),
+              TargetSample(run.gain_model().measurable(), run.gain_model().steps().size(),
+                           kChoicePairs, random_)) {
     for (const ChosenScan& scan : plan.scans) fixed_ += scan.locked ? 1 : 0;
     const auto scans = static_cast<double>(std::max<size_t>(4, plan.scans.size()));
     budget_ = static_cast<int64_t>(kLeastTimeShare * scans *
@@ -140,7 +140,7 @@ class LeastTimePlanner {
       if (run_.Stopped()) return absl::CancelledError("planning was stopped");
       const size_t count = std::min(kBatch, measurements.size() - begin);
       const std::span<const Measurement> batch(measurements.data() + begin, count);
-      auto coverage = run_.oracle().FastCoverage(batch);
+      auto coverage = run_.gain_model().FastCoverage(batch);
       if (!coverage.ok()) return coverage.status();
       for (size_t i = 0; i < count; ++i) {
         ScanCoverage& c = (*coverage)[i];
@@ -151,7 +151,7 @@ class LeastTimePlanner {
         }
         TargetShares shares;
         if (feasible) {
-          shares = run_.oracle().ScoresPlans() ? std::move(c.shares) : FullShares(c.covered);
+          shares = run_.gain_model().ScoresPlans() ? std::move(c.shares) : FullShares(c.covered);
         }
         const Measurement& m = batch[i];
         setup_.push_back({NumberOf(places_, m, SamePlaceOfSensors), NumberOf(rests_, m, SameRest),
@@ -303,7 +303,7 @@ class LeastTimePlanner {
       for (const auto& x : points) {
         measurements.push_back(AtPlaceOf(model_, place, space.ToMeasurement(x)));
       }
-      auto gains = run_.oracle().Gains(measurements, known);
+      auto gains = run_.gain_model().Gains(measurements, known);
       if (!gains.ok()) return gains.status();
       std::vector<double> values;
       for (size_t i = 0; i < gains->size(); ++i) {
@@ -528,7 +528,7 @@ bool WantsLeastTime(const PlannerRequest& request) {
   return request.execution.costs.PricesSetups() || request.goal.LimitsExecution();
 }
 
-absl::StatusOr<PlannerResult> PlanInLeastTime(GainOracle& oracle, const PlannerRequest& request,
+absl::StatusOr<PlannerResult> PlanInLeastTime(GainModel& gain_model, const PlannerRequest& request,
                                               PlannerResult plan,
                                               std::span<const Measurement> candidates) {
   if (!WantsLeastTime(request) || plan.scans.empty() ||
@@ -543,7 +543,7 @@ absl::StatusOr<PlannerResult> PlanInLeastTime(GainOracle& oracle, const PlannerR
   }
   std::vector<Measurement> good(candidates.begin(), candidates.end());
   good.insert(good.end(), plan.candidates.begin(), plan.candidates.end());
-  PlanRun run(oracle, again);
+  PlanRun run(gain_model, again);
   LeastTimePlanner planner(run, plan, good);
   auto found = planner.Plan();
   if (!found.ok()) return found.status();

@@ -32,7 +32,7 @@ bool WantsLeastTime(const PlannerRequest& request);
 // even allow the first one. Locked scans stay, even where they break a
 // limit. `plan` itself where nothing takes less time. Evaluations are the sum of both, about
 // `kLeastTimeShare` of the first search's more. Errors of the gain model.
-absl::StatusOr<PlannerResult> PlanInLeastTime(GainOracle& oracle, const PlannerRequest& request,
+absl::StatusOr<PlannerResult> PlanInLeastTime(GainModel& gain_model, const PlannerRequest& request,
                                               PlannerResult plan,
                                               std::span<const Measurement> candidates);
 

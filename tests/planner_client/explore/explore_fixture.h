@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "planner_client/explore/explore_session.h"
-#include "tests/planner_client/analytic_oracle.h"
+#include "tests/planner_client/analytic_gain_model.h"
 
 namespace sightline {
 
@@ -17,17 +17,17 @@ namespace sightline {
 inline constexpr size_t kLineTargets = 101;
 
 // A scan at offset y covers the targets within 0.1 m of y; nearer than 0.15 m the camera collides.
-inline FunctionOracle LineOracle() {
-  FunctionOracle oracle(kLineTargets, [](const Measurement& m, size_t t) {
+inline FunctionGainModel LineGainModel() {
+  FunctionGainModel gain_model(kLineTargets, [](const Measurement& m, size_t t) {
     return std::abs(0.01 * static_cast<double>(t) - 0.5 - m.offset_y_m) < 0.1001;
   });
-  oracle.set_feasibility([](const Measurement& m) {
+  gain_model.set_feasibility([](const Measurement& m) {
     return m.camera_distance_m < 0.15 ? ScanFeasibility::kCollision : ScanFeasibility::kFeasible;
   });
-  return oracle;
+  return gain_model;
 }
 
-inline ExploreTask LineTask(GainOracle* oracle) {
+inline ExploreTask LineTask(GainModel* gain_model) {
   ExploreTask task;
   task.inspection.name = "line";
   task.inspection.part_file = "parts/plate.stl";
@@ -42,7 +42,7 @@ inline ExploreTask LineTask(GainOracle* oracle) {
     task.targets.normals.emplace_back(0.0f, 0.0f, 1.0f);
     task.targets.regions.push_back(-1);
   }
-  task.oracle = oracle;
+  task.gain_model = gain_model;
   task.no_pictures = "inspection.json: materials is missing: images need the part's materials";
   task.folder = "/nowhere/plan";
   task.saved_before = [] { return false; };

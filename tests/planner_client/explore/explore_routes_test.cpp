@@ -51,7 +51,7 @@ class RecordedExchange final : public HttpExchange {
 
 class ExploreRoutesTest : public ::testing::Test {
  protected:
-  void SetUp() override { session_ = *ExploreSession::Open(LineTask(&oracle_)); }
+  void SetUp() override { session_ = *ExploreSession::Open(LineTask(&gain_model_)); }
   RecordedExchange Ask(const std::string& method, const std::string& path,
                        const std::string& body = "") {
     RecordedExchange exchange(method, path, body);
@@ -62,7 +62,7 @@ class ExploreRoutesTest : public ::testing::Test {
     ExploreRoutes(session_.get(), BrowserGuard({"127.0.0.1"})).Answer(exchange);
   }
 
-  FunctionOracle oracle_ = LineOracle();
+  FunctionGainModel gain_model_ = LineGainModel();
   std::unique_ptr<ExploreSession> session_;
 };
 

@@ -34,8 +34,8 @@ class ExploreSessionTest : public ::testing::Test {
     return Change("add", {{"measurement", LineMeasurement(offset_y_m)}});
   }
 
-  FunctionOracle oracle_ = LineOracle();
-  ExploreTask task_ = LineTask(&oracle_);
+  FunctionGainModel gain_model_ = LineGainModel();
+  ExploreTask task_ = LineTask(&gain_model_);
   std::unique_ptr<ExploreSession> session_;
 };
 
@@ -79,7 +79,7 @@ TEST_F(ExploreSessionTest, GainIsWhatThePlanDoesNotCover) {
 }
 
 TEST_F(ExploreSessionTest, EstimatesAreMarkedAsSuch) {
-  oracle_.set_exact([](const Measurement&, size_t t) { return t < 5; });
+  gain_model_.set_exact([](const Measurement&, size_t t) { return t < 5; });
   Open();
   const Json fast = *session_->Evaluate({{"measurement", LineMeasurement(0)}, {"exact", false}});
   EXPECT_FALSE(fast["exact"]);
@@ -88,9 +88,9 @@ TEST_F(ExploreSessionTest, EstimatesAreMarkedAsSuch) {
   EXPECT_TRUE(exact["exact"]);
   EXPECT_EQ(exact["covered"], 5);
   // The same scan is not evaluated twice.
-  const int64_t before = oracle_.exact_evaluations();
+  const int64_t before = gain_model_.exact_evaluations();
   ASSERT_TRUE(session_->Evaluate({{"measurement", LineMeasurement(0)}, {"exact", true}}).ok());
-  EXPECT_EQ(oracle_.exact_evaluations(), before);
+  EXPECT_EQ(gain_model_.exact_evaluations(), before);
 }
 
 TEST_F(ExploreSessionTest, SaysWhyAScanCannotBeMade) {
@@ -104,7 +104,7 @@ TEST_F(ExploreSessionTest, SaysWhyAScanCannotBeMade) {
   EXPECT_EQ(ErrorReason(added.status()), "SCAN_INFEASIBLE");
   EXPECT_TRUE(session_->State()["scans"].empty());
 
-  oracle_.set_feasibility([](const Measurement&) { return ScanFeasibility::kTravel; });
+  gain_model_.set_feasibility([](const Measurement&) { return ScanFeasibility::kTravel; });
   const Json far = *session_->Evaluate({{"measurement", LineMeasurement(0.3)}, {"exact", true}});
   EXPECT_EQ(far["feasibility"], "travel");
   EXPECT_THAT(std::string(far["obstacle"]), HasSubstr("1000 mm"));
@@ -249,13 +249,13 @@ TEST_F(ExploreSessionTest, SuggestsWhatThePlanLacks) {
 }
 
 // Targets are known admissibly once two scans see them.
-class TwiceOracle : public FunctionOracle {
+class TwiceGainModel : public FunctionGainModel {
  public:
-  TwiceOracle() : FunctionOracle(LineOracle()) {}
+  TwiceGainModel() : FunctionGainModel(LineGainModel()) {}
   bool ScoresPlans() const override { return true; }
   absl::StatusOr<std::vector<ScanCoverage>> FastCoverage(
       std::span<const Measurement> measurements) override {
-    auto scans = FunctionOracle::FastCoverage(measurements);
+    auto scans = FunctionGainModel::FastCoverage(measurements);
     for (ScanCoverage& scan : *scans) {
       for (size_t t = 0; t < kLineTargets; ++t) {
         if (!scan.covered.Test(t)) continue;
@@ -267,8 +267,8 @@ class TwiceOracle : public FunctionOracle {
   }
   absl::StatusOr<std::vector<ScanGain>> Gains(std::span<const Measurement> measurements,
                                               std::span<const float> known) override {
-    auto gains = FunctionOracle::Gains(measurements, known);
-    const auto scans = FunctionOracle::FastCoverage(measurements);
+    auto gains = FunctionGainModel::Gains(measurements, known);
+    const auto scans = FunctionGainModel::FastCoverage(measurements);
     for (size_t i = 0; i < measurements.size(); ++i) {
       (*gains)[i].gain = 0;
       for (size_t t = 0; t < kLineTargets; ++t) {
@@ -280,7 +280,7 @@ class TwiceOracle : public FunctionOracle {
   absl::StatusOr<PlanScore> ScorePlan(std::span<const Measurement> plan, bool) override {
     ++scored;
     PlanScore score;
-    const auto scans = FunctionOracle::ExactCoverage(plan);
+    const auto scans = FunctionGainModel::ExactCoverage(plan);
     for (size_t t = 0; t < kLineTargets; ++t) {
       int times = 0;
       for (const ScanCoverage& scan : *scans) times += scan.covered.Test(t);
@@ -293,7 +293,7 @@ class TwiceOracle : public FunctionOracle {
 };
 
 TEST_F(ExploreSessionTest, WhereTheGoalIsUncertaintyPlansAreJudgedByWhatTheyMakeKnown) {
-  TwiceOracle judge;
+  TwiceGainModel judge;
   task_.judge = &judge;
   Open();
   ASSERT_TRUE(Add(0).ok());
@@ -321,13 +321,13 @@ TEST_F(ExploreSessionTest, WhereTheGoalIsCoverageNothingIsAdmissible) {
 }
 
 TEST_F(ExploreSessionTest, ASearchIsCancelledByTheButtonAndByTheEnd) {
-  oracle_.set_on_query([&] { session_->CancelSuggestion(); });
+  gain_model_.set_on_query([&] { session_->CancelSuggestion(); });
   Open();
   const Json position = session_->State()["position"];
   const Json request = {{"from", "anywhere"}, {"measurement", LineMeasurement(0)}};
   EXPECT_TRUE((*session_->Suggest(request))["cancelled"]);
   EXPECT_EQ(session_->State()["position"], position);
-  oracle_.set_on_query(nullptr);
+  gain_model_.set_on_query(nullptr);
   EXPECT_FALSE(session_->Suggest(request)->contains("cancelled"));
   session_->Close();
   EXPECT_TRUE((*session_->Suggest(request))["cancelled"]);

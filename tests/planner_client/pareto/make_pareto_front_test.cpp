@@ -8,7 +8,7 @@
 #include <tuple>
 #include <vector>
 
-#include "tests/planner_client/analytic_oracle.h"
+#include "tests/planner_client/analytic_gain_model.h"
 
 namespace sightline {
 namespace {
@@ -18,10 +18,10 @@ using ::testing::HasSubstr;
 
 // Four clusters of ten targets on a line. A scan from 0.1 m away takes 3 s and sees one cluster,
 // one from 0.3 m takes 10 s and sees two neighbours.
-class ClusterOracle final : public FunctionOracle {
+class ClusterGainModel final : public FunctionGainModel {
  public:
-  ClusterOracle()
-      : FunctionOracle(40, [](const Measurement& m, size_t t) {
+  ClusterGainModel()
+      : FunctionGainModel(40, [](const Measurement& m, size_t t) {
           const size_t number = t / 10;
           const double cluster = 0.125 + 0.25 * static_cast<double>(number);
           const double position = cluster - 0.08 + 0.16 / 9 * static_cast<double>(t % 10);
@@ -32,7 +32,7 @@ class ClusterOracle final : public FunctionOracle {
 
   absl::StatusOr<std::vector<ScanCoverage>> ExactCoverage(
       std::span<const Measurement> measurements) override {
-    auto coverages = FunctionOracle::ExactCoverage(measurements);
+    auto coverages = FunctionGainModel::ExactCoverage(measurements);
     for (size_t i = 0; i < measurements.size(); ++i) {
       (*coverages)[i].last_frame = Frames(measurements[i]).last;
     }
@@ -48,7 +48,7 @@ ParetoRequest ClusterRequest() {
   request.plan.evaluations_per_scan = 2000;
   request.execution.costs.stage_speed_m_per_s = 0.1;
   request.scan_step_m = 0.001;
-  request.estimate_frames = ClusterOracle::Frames;
+  request.estimate_frames = ClusterGainModel::Frames;
   return request;
 }
 
@@ -87,8 +87,8 @@ std::vector<std::vector<Measurement>> ScansOf(const ParetoFront& front) {
 }
 
 TEST(MakeParetoFrontTest, FindsAFrontThatIsKnown) {
-  ClusterOracle oracle;
-  const auto made = MakeParetoFront(oracle, ClusterRequest());
+  ClusterGainModel gain_model;
+  const auto made = MakeParetoFront(gain_model, ClusterRequest());
   ASSERT_TRUE(made.ok()) << made.status();
   using Point = std::tuple<size_t, int64_t, int64_t>;
   EXPECT_THAT(Objectives(made->front),
@@ -98,40 +98,40 @@ TEST(MakeParetoFrontTest, FindsAFrontThatIsKnown) {
 }
 
 TEST(MakeParetoFrontTest, AsksExactFramesWhereThereIsNoEstimate) {
-  ClusterOracle oracle;
+  ClusterGainModel gain_model;
   ParetoRequest request = ClusterRequest();
-  const auto estimated = MakeParetoFront(oracle, request);
+  const auto estimated = MakeParetoFront(gain_model, request);
   request.estimate_frames = nullptr;
-  const auto exact = MakeParetoFront(oracle, request);
+  const auto exact = MakeParetoFront(gain_model, request);
   ASSERT_TRUE(estimated.ok() && exact.ok());
   EXPECT_EQ(Objectives(estimated->front), Objectives(exact->front));
 }
 
 TEST(MakeParetoFrontTest, AWrongEstimateOfFramesNeverMakesAPlanLongerThanItSays) {
-  ClusterOracle oracle;
+  ClusterGainModel gain_model;
   ParetoRequest request = ClusterRequest();
   request.estimate_frames = [](const Measurement&) { return FrameRange{0, 100}; };
-  const auto made = MakeParetoFront(oracle, request);
+  const auto made = MakeParetoFront(gain_model, request);
   ASSERT_TRUE(made.ok()) << made.status();
   for (const ParetoPoint& point : made->front.points) {
     double seconds = 0;
-    for (const Measurement& scan : ScansOf(point)) seconds += ClusterOracle::Wide(scan) ? 10 : 3;
+    for (const Measurement& scan : ScansOf(point)) seconds += ClusterGainModel::Wide(scan) ? 10 : 3;
     EXPECT_NEAR(point.time.Total_s(), seconds, 1e-9);
   }
 }
 
 TEST(MakeParetoFrontTest, HasNoDominatedPointsAndTheirNumbersAreThoseOfTheirScans) {
-  FunctionOracle oracle = CastingOracle(200, 1);
+  FunctionGainModel gain_model = CastingGainModel(200, 1);
   const ParetoRequest request = CastingRequest();
-  const auto made = MakeParetoFront(oracle, request);
+  const auto made = MakeParetoFront(gain_model, request);
   ASSERT_TRUE(made.ok()) << made.status();
   const std::vector<ParetoPoint>& points = made->front.points;
   ASSERT_GT(points.size(), 3u);
   for (const ParetoPoint& a : points) {
     for (const ParetoPoint& b : points) EXPECT_FALSE(Dominates(a, b));
     const std::vector<Measurement> scans = ScansOf(a);
-    const auto exact = oracle.ExactCoverage(scans);
-    TargetBits covered(oracle.measurable().size());
+    const auto exact = gain_model.ExactCoverage(scans);
+    TargetBits covered(gain_model.measurable().size());
     std::vector<FrameRange> frames;
     for (const ScanCoverage& scan : *exact) {
       EXPECT_EQ(scan.feasibility, ScanFeasibility::kFeasible);
@@ -160,11 +160,11 @@ TEST(MakeParetoFrontTest, HasNoDominatedPointsAndTheirNumbersAreThoseOfTheirScan
 
 TEST(MakeParetoFrontTest, ReachesTheGoalWithNoMoreScansThanThePlanAlone) {
   for (const int64_t seed : {1, 2, 3}) {
-    FunctionOracle oracle = CastingOracle(200, 1);
+    FunctionGainModel gain_model = CastingGainModel(200, 1);
     ParetoRequest request = CastingRequest();
     request.plan.seed = seed;
-    const auto plan = MakePlan(oracle, request.plan);
-    const auto made = MakeParetoFront(oracle, request);
+    const auto plan = MakePlan(gain_model, request.plan);
+    const auto made = MakeParetoFront(gain_model, request);
     ASSERT_TRUE(plan.ok() && made.ok());
     ASSERT_EQ(plan->stop_reason, StopReason::kGoalReached);
     const auto chosen = PointForGoal(made->front.points);
@@ -175,10 +175,10 @@ TEST(MakeParetoFrontTest, ReachesTheGoalWithNoMoreScansThanThePlanAlone) {
 }
 
 TEST(MakeParetoFrontTest, WithoutCostsItIsScansAgainstSettledTargets) {
-  FunctionOracle oracle = CastingOracle(200, 1);
+  FunctionGainModel gain_model = CastingGainModel(200, 1);
   ParetoRequest request = CastingRequest();
   request.execution = {};
-  const auto made = MakeParetoFront(oracle, request);
+  const auto made = MakeParetoFront(gain_model, request);
   ASSERT_TRUE(made.ok()) << made.status();
   const std::vector<ParetoPoint>& points = made->front.points;
   EXPECT_EQ(points[0].scans.size(), 1u);
@@ -193,7 +193,7 @@ TEST(MakeParetoFrontTest, WithoutCostsItIsScansAgainstSettledTargets) {
 TEST(MakeParetoFrontTest, SameSeedSameFront) {
   ParetoRequest request = CastingRequest();
   request.plan.evaluations_per_scan = 500;
-  FunctionOracle a = CastingOracle(150, 1), b = CastingOracle(150, 1);
+  FunctionGainModel a = CastingGainModel(150, 1), b = CastingGainModel(150, 1);
   const auto first = MakeParetoFront(a, request), second = MakeParetoFront(b, request);
   ASSERT_TRUE(first.ok() && second.ok());
   EXPECT_EQ(ScansOf(first->front), ScansOf(second->front));
@@ -205,13 +205,13 @@ TEST(MakeParetoFrontTest, SameSeedSameFront) {
 }
 
 TEST(MakeParetoFrontTest, LockedScansAreInEveryPoint) {
-  ClusterOracle oracle;
+  ClusterGainModel gain_model;
   ParetoRequest request = ClusterRequest();
   Measurement locked;
   locked.camera_distance_m = 0.3;
   locked.offset_y_m = 0.25;
   request.plan.locked = {locked};
-  const auto made = MakeParetoFront(oracle, request);
+  const auto made = MakeParetoFront(gain_model, request);
   ASSERT_TRUE(made.ok()) << made.status();
   for (const ParetoPoint& point : made->front.points) {
     EXPECT_EQ(point.scans[0].measurement, locked);
@@ -223,14 +223,14 @@ TEST(MakeParetoFrontTest, LockedScansAreInEveryPoint) {
 }
 
 TEST(MakeParetoFrontTest, WorksWhereOnlyWholePlansAreScored) {
-  ShareOracle oracle;
+  ShareGainModel gain_model;
   ParetoRequest request;
   request.plan.domain = OffsetDomain();
   request.plan.goal.admissible = 0.9;
   request.plan.evaluations_per_scan = 500;
   request.execution.costs.reposition_time_s = 5;
   request.time_limits = 4;
-  const auto made = MakeParetoFront(oracle, request);
+  const auto made = MakeParetoFront(gain_model, request);
   ASSERT_TRUE(made.ok()) << made.status();
   // Three scans satisfy what all of them see; six satisfy all.
   const auto chosen = PointForGoal(made->front.points);
@@ -238,20 +238,20 @@ TEST(MakeParetoFrontTest, WorksWhereOnlyWholePlansAreScored) {
   EXPECT_TRUE(made->front.points[*chosen].reaches_goal);
   for (const ParetoPoint& point : made->front.points) {
     EXPECT_GE(point.scans.size(), 1u);
-    EXPECT_EQ(point.score.settled, oracle.ScorePlan(ScansOf(point), true)->settled);
+    EXPECT_EQ(point.score.settled, gain_model.ScorePlan(ScansOf(point), true)->settled);
   }
 }
 
 TEST(MakeParetoFrontTest, InterruptedItIsTheFrontSoFar) {
-  ClusterOracle oracle;
+  ClusterGainModel gain_model;
   ParetoRequest request = ClusterRequest();
-  const auto whole = MakeParetoFront(oracle, request);
+  const auto whole = MakeParetoFront(gain_model, request);
   ASSERT_TRUE(whole.ok());
   std::atomic<bool> interrupted{false};
   int queries = 0;
-  oracle.set_on_query([&] { interrupted = ++queries > 160; });
+  gain_model.set_on_query([&] { interrupted = ++queries > 160; });
   request.plan.interrupted = &interrupted;
-  const auto part = MakeParetoFront(oracle, request);
+  const auto part = MakeParetoFront(gain_model, request);
   ASSERT_TRUE(part.ok()) << part.status();
   EXPECT_EQ(part->stop_reason, StopReason::kInterrupted);
   EXPECT_FALSE(part->front.points.empty());
@@ -259,47 +259,48 @@ TEST(MakeParetoFrontTest, InterruptedItIsTheFrontSoFar) {
 }
 
 TEST(MakeParetoFrontTest, InterruptedBeforeThereIsAPlanIsCancelled) {
-  ClusterOracle oracle;
+  ClusterGainModel gain_model;
   ParetoRequest request = ClusterRequest();
   const std::atomic<bool> interrupted{true};
   request.plan.interrupted = &interrupted;
-  EXPECT_EQ(MakeParetoFront(oracle, request).status().code(), absl::StatusCode::kCancelled);
+  EXPECT_EQ(MakeParetoFront(gain_model, request).status().code(), absl::StatusCode::kCancelled);
 }
 
 TEST(MakeParetoFrontTest, TimeIsUpForAllOfIt) {
-  ClusterOracle oracle;
+  ClusterGainModel gain_model;
   ParetoRequest request = ClusterRequest();
   request.plan.goal.max_time_s = 1e-9;
-  const auto made = MakeParetoFront(oracle, request);
+  const auto made = MakeParetoFront(gain_model, request);
   EXPECT_EQ(made.status().code(), absl::StatusCode::kCancelled) << made.status();
 }
 
 TEST(MakeParetoFrontTest, AnEmptyFrontSaysWhy) {
-  ClusterOracle oracle;
-  oracle.set_feasibility([](const Measurement&) { return ScanFeasibility::kCollision; });
-  const auto none = MakeParetoFront(oracle, ClusterRequest());
+  ClusterGainModel gain_model;
+  gain_model.set_feasibility([](const Measurement&) { return ScanFeasibility::kCollision; });
+  const auto none = MakeParetoFront(gain_model, ClusterRequest());
   EXPECT_EQ(none.status().code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_THAT(std::string(none.status().message()), HasSubstr("no feasible scan"));
 
-  FunctionOracle nothing(0, [](const Measurement&, size_t) { return true; });
+  FunctionGainModel nothing(0, [](const Measurement&, size_t) { return true; });
   const auto empty = MakeParetoFront(nothing, ClusterRequest());
   EXPECT_EQ(empty.status().code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_THAT(std::string(empty.status().message()), HasSubstr("no measurable target"));
 }
 
 TEST(MakeParetoFrontTest, RefusesWhatItCannotDo) {
-  ClusterOracle oracle;
+  ClusterGainModel gain_model;
   ParetoRequest request = ClusterRequest();
   request.plan.strategy = "matrix";
-  EXPECT_THAT(std::string(MakeParetoFront(oracle, request).status().message()),
+  EXPECT_THAT(std::string(MakeParetoFront(gain_model, request).status().message()),
               HasSubstr("\"matrix\""));
   request = ClusterRequest();
   request.time_limits = -1;
-  EXPECT_EQ(MakeParetoFront(oracle, request).status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(MakeParetoFront(gain_model, request).status().code(),
+            absl::StatusCode::kInvalidArgument);
 }
 
 TEST(MakeParetoFrontTest, TellsOfItsProgress) {
-  ClusterOracle oracle;
+  ClusterGainModel gain_model;
   ParetoRequest request = ClusterRequest();
   double last = 0;
   int calls = 0;
@@ -310,7 +311,7 @@ TEST(MakeParetoFrontTest, TellsOfItsProgress) {
     last = fraction;
     ++calls;
   };
-  ASSERT_TRUE(MakeParetoFront(oracle, request).ok());
+  ASSERT_TRUE(MakeParetoFront(gain_model, request).ok());
   EXPECT_GT(calls, 3);
   EXPECT_GT(last, 0.5);
 }

@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "core/json/strict_json.h"
-#include "tests/planner_client/analytic_oracle.h"
+#include "tests/planner_client/analytic_gain_model.h"
 
 namespace sightline {
 namespace {

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "planner_client/strategy/scan_order.h"
-#include "tests/planner_client/analytic_oracle.h"
+#include "tests/planner_client/analytic_gain_model.h"
 
 namespace sightline {
 namespace {
@@ -39,7 +39,7 @@ double TimeOf(const PlannerRequest& request, const PlannerResult& plan) {
 
 TEST(BoundedPlanTest, TellsEveryPlanAndEachReplacesTheOneBefore) {
   for (int64_t seed = 1; seed <= 3; ++seed) {
-    FunctionOracle oracle = CastingOracle(300, static_cast<uint64_t>(seed));
+    FunctionGainModel gain_model = CastingGainModel(300, static_cast<uint64_t>(seed));
     const PlannerRequest request = RequestByHand(seed);
     std::vector<PlanStep> begun, ended;
     std::vector<PlannerResult> plans;
@@ -50,7 +50,7 @@ TEST(BoundedPlanTest, TellsEveryPlanAndEachReplacesTheOneBefore) {
       plans.push_back(plan);
       return absl::OkStatus();
     };
-    const auto found = MakeBoundedPlan(oracle, request, kBoundEvaluations, hooks);
+    const auto found = MakeBoundedPlan(gain_model, request, kBoundEvaluations, hooks);
     ASSERT_TRUE(found.ok()) << found.status();
     EXPECT_EQ(begun, (std::vector<PlanStep>{PlanStep::kPlan, PlanStep::kBound, PlanStep::kPlanAgain,
                                             PlanStep::kLeastTime}));
@@ -65,11 +65,11 @@ TEST(BoundedPlanTest, TellsEveryPlanAndEachReplacesTheOneBefore) {
 }
 
 TEST(BoundedPlanTest, PlansOnceWithoutABound) {
-  FunctionOracle oracle = CastingOracle(300, 1);
-  const auto found = MakeBoundedPlan(oracle, Request(1), 0);
+  FunctionGainModel gain_model = CastingGainModel(300, 1);
+  const auto found = MakeBoundedPlan(gain_model, Request(1), 0);
   ASSERT_TRUE(found.ok()) << found.status();
   EXPECT_FALSE(found->bound.has_value());
-  FunctionOracle other = CastingOracle(300, 1);
+  FunctionGainModel other = CastingGainModel(300, 1);
   const auto plan = MakePlan(other, Request(1));
   ASSERT_TRUE(plan.ok());
   ASSERT_EQ(found->plan.scans.size(), plan->scans.size());
@@ -79,7 +79,7 @@ TEST(BoundedPlanTest, PlansOnceWithoutABound) {
 }
 
 TEST(BoundedPlanTest, AnInterruptionKeepsThePlanSoFar) {
-  FunctionOracle oracle = CastingOracle(300, 1);
+  FunctionGainModel gain_model = CastingGainModel(300, 1);
   std::atomic<bool> interrupted = false;
   PlannerRequest request = RequestByHand(1);
   request.interrupted = &interrupted;
@@ -88,17 +88,17 @@ TEST(BoundedPlanTest, AnInterruptionKeepsThePlanSoFar) {
     interrupted = true;
     return absl::OkStatus();
   };
-  const auto found = MakeBoundedPlan(oracle, request, kBoundEvaluations, hooks);
+  const auto found = MakeBoundedPlan(gain_model, request, kBoundEvaluations, hooks);
   ASSERT_TRUE(found.ok()) << found.status();
   EXPECT_FALSE(found->plan.scans.empty());
   EXPECT_FALSE(found->bound.has_value());
 }
 
 TEST(BoundedPlanTest, ErrorsOfTheCallerEndIt) {
-  FunctionOracle oracle = CastingOracle(300, 1);
+  FunctionGainModel gain_model = CastingGainModel(300, 1);
   BoundedPlanHooks hooks;
   hooks.on_plan = [](const PlannerResult&) { return absl::DataLossError("no space"); };
-  EXPECT_EQ(MakeBoundedPlan(oracle, Request(1), kBoundEvaluations, hooks).status().code(),
+  EXPECT_EQ(MakeBoundedPlan(gain_model, Request(1), kBoundEvaluations, hooks).status().code(),
             absl::StatusCode::kDataLoss);
 }
 

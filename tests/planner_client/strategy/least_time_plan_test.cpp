@@ -10,7 +10,7 @@
 
 #include "planner_client/strategy/execution/setup_choice.h"
 #include "planner_client/strategy/scan_order.h"
-#include "tests/planner_client/analytic_oracle.h"
+#include "tests/planner_client/analytic_gain_model.h"
 
 namespace sightline {
 namespace {
@@ -107,11 +107,11 @@ class LeastTimePlanTest : public testing::Test {
 
 TEST_F(LeastTimePlanTest, ReachesTheGoalInMuchLessTime) {
   for (int64_t seed = 1; seed <= 3; ++seed) {
-    FunctionOracle oracle = CastingOracle(300, static_cast<uint64_t>(seed));
+    FunctionGainModel gain_model = CastingGainModel(300, static_cast<uint64_t>(seed));
     const PlannerRequest request = Request(seed);
-    const auto plan = MakePlan(oracle, request);
+    const auto plan = MakePlan(gain_model, request);
     ASSERT_TRUE(plan.ok());
-    const auto quick = PlanInLeastTime(oracle, request, *plan, {});
+    const auto quick = PlanInLeastTime(gain_model, request, *plan, {});
     ASSERT_TRUE(quick.ok()) << quick.status();
     EXPECT_EQ(quick->stop_reason, StopReason::kGoalReached);
     EXPECT_GE(quick->score.Claimed(), 270);
@@ -119,7 +119,7 @@ TEST_F(LeastTimePlanTest, ReachesTheGoalInMuchLessTime) {
     EXPECT_LT(TimeOf(request, *quick), 0.8 * TimeOf(request, *plan));
     EXPECT_LT(CountsOf(request, *quick).places, CountsOf(request, *plan).places);
     EXPECT_GT(quick->evaluations, plan->evaluations);
-    const auto again = PlanInLeastTime(oracle, request, *plan, {});
+    const auto again = PlanInLeastTime(gain_model, request, *plan, {});
     ASSERT_TRUE(again.ok());
     ASSERT_EQ(again->scans.size(), quick->scans.size());
     for (size_t i = 0; i < again->scans.size(); ++i) {
@@ -129,18 +129,18 @@ TEST_F(LeastTimePlanTest, ReachesTheGoalInMuchLessTime) {
 }
 
 TEST_F(LeastTimePlanTest, KeepsItsLimits) {
-  FunctionOracle oracle = CastingOracle(300, 2);
+  FunctionGainModel gain_model = CastingGainModel(300, 2);
   PlannerRequest request = Request(2);
-  const auto plan = MakePlan(oracle, request);
+  const auto plan = MakePlan(gain_model, request);
   ASSERT_TRUE(plan.ok());
   request.goal.max_sensor_places = 2;
-  const auto two_places = PlanInLeastTime(oracle, request, *plan, {});
+  const auto two_places = PlanInLeastTime(gain_model, request, *plan, {});
   ASSERT_TRUE(two_places.ok());
   EXPECT_LE(CountsOf(request, *two_places).places, 2);
   EXPECT_GT(two_places->score.settled, 0);
   request.goal.max_sensor_places.reset();
   request.goal.execution_time_s = 2500;
-  const auto in_time = PlanInLeastTime(oracle, request, *plan, {});
+  const auto in_time = PlanInLeastTime(gain_model, request, *plan, {});
   ASSERT_TRUE(in_time.ok());
   EXPECT_LE(TimeOf(request, *in_time), 2500);
   EXPECT_GT(in_time->score.settled, 0);
@@ -150,18 +150,18 @@ TEST_F(LeastTimePlanTest, KeepsItsLimits) {
 }
 
 TEST_F(LeastTimePlanTest, NoPlanWhereTheFirstSetUpTakesTooLong) {
-  FunctionOracle oracle = CastingOracle(300, 2);
+  FunctionGainModel gain_model = CastingGainModel(300, 2);
   PlannerRequest request = Request(2);
-  const auto plan = MakePlan(oracle, request);
+  const auto plan = MakePlan(gain_model, request);
   ASSERT_TRUE(plan.ok());
   // Laying the part down and placing the sensors takes 1080 s.
   request.goal.execution_time_s = 1000;
-  const auto none = PlanInLeastTime(oracle, request, *plan, {});
+  const auto none = PlanInLeastTime(gain_model, request, *plan, {});
   ASSERT_TRUE(none.ok()) << none.status();
   EXPECT_TRUE(none->scans.empty());
   EXPECT_EQ(none->stop_reason, StopReason::kExecutionLimit);
   request.goal.execution_time_s = 1100;
-  const auto one = PlanInLeastTime(oracle, request, *plan, {});
+  const auto one = PlanInLeastTime(gain_model, request, *plan, {});
   ASSERT_TRUE(one.ok()) << one.status();
   EXPECT_EQ(one->scans.size(), 1u);
   EXPECT_EQ(one->stop_reason, StopReason::kExecutionLimit);
@@ -170,7 +170,7 @@ TEST_F(LeastTimePlanTest, NoPlanWhereTheFirstSetUpTakesTooLong) {
 // If the table stands still in height, a place of the sensors gives the part another height on
 // every face.
 TEST_F(LeastTimePlanTest, ScansStayInTheDomainWithATableOfFixedHeight) {
-  FunctionOracle oracle = CastingOracle(300, 3);
+  FunctionGainModel gain_model = CastingGainModel(300, 3);
   PlannerRequest request = Request(3);
   request.execution.stage_moves_in_height = false;
   auto corners = std::make_shared<std::vector<Eigen::Vector3d>>();
@@ -187,9 +187,9 @@ TEST_F(LeastTimePlanTest, ScansStayInTheDomainWithATableOfFixedHeight) {
   request.domain.parameters[kOffsetZ] = {
       .ranges = {{-0.05, 0.05}}, .values = {}, .periodic = false};
   request.goal.coverage = 0.5;
-  const auto plan = MakePlan(oracle, request);
+  const auto plan = MakePlan(gain_model, request);
   ASSERT_TRUE(plan.ok()) << plan.status();
-  const auto quick = PlanInLeastTime(oracle, request, *plan, {});
+  const auto quick = PlanInLeastTime(gain_model, request, *plan, {});
   ASSERT_TRUE(quick.ok()) << quick.status();
   EXPECT_LE(TimeOf(request, *quick), TimeOf(request, *plan));
   for (const ChosenScan& scan : quick->scans)
@@ -197,24 +197,24 @@ TEST_F(LeastTimePlanTest, ScansStayInTheDomainWithATableOfFixedHeight) {
 }
 
 TEST_F(LeastTimePlanTest, LockedScansStay) {
-  FunctionOracle oracle = CastingOracle(300, 1);
+  FunctionGainModel gain_model = CastingGainModel(300, 1);
   PlannerRequest request = Request(1);
-  request.locked = {MakePlan(oracle, request)->scans[0].measurement};
-  const auto plan = MakePlan(oracle, request);
+  request.locked = {MakePlan(gain_model, request)->scans[0].measurement};
+  const auto plan = MakePlan(gain_model, request);
   ASSERT_TRUE(plan.ok());
-  const auto quick = PlanInLeastTime(oracle, request, *plan, {});
+  const auto quick = PlanInLeastTime(gain_model, request, *plan, {});
   ASSERT_TRUE(quick.ok());
   EXPECT_TRUE(quick->scans[0].locked);
   EXPECT_EQ(quick->scans[0].measurement, request.locked[0]);
 }
 
 TEST_F(LeastTimePlanTest, WithoutPricesOrLimitsThePlanStays) {
-  FunctionOracle oracle = CastingOracle(300, 1);
+  FunctionGainModel gain_model = CastingGainModel(300, 1);
   PlannerRequest request = Request(1);
   request.execution.costs = {};
-  const auto plan = MakePlan(oracle, request);
+  const auto plan = MakePlan(gain_model, request);
   ASSERT_TRUE(plan.ok());
-  const auto same = PlanInLeastTime(oracle, request, *plan, {});
+  const auto same = PlanInLeastTime(gain_model, request, *plan, {});
   ASSERT_TRUE(same.ok());
   EXPECT_EQ(same->evaluations, plan->evaluations);
 }

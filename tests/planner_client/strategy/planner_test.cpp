@@ -6,7 +6,7 @@
 
 #include "planner_client/optimise/search_space.h"
 #include "planner_client/strategy/scan_count_bound.h"
-#include "tests/planner_client/analytic_oracle.h"
+#include "tests/planner_client/analytic_gain_model.h"
 
 namespace sightline {
 namespace {
@@ -41,11 +41,11 @@ std::vector<Measurement> Scans(const PlannerResult& plan) {
 
 // Properties of every plan: curve and gains are those of the exact coverage, and the scans
 // after the locked ones come in the order of greatest gain.
-void ExpectConsistent(FunctionOracle& oracle, const PlannerResult& plan) {
+void ExpectConsistent(FunctionGainModel& gain_model, const PlannerResult& plan) {
   ASSERT_EQ(plan.coverage_curve.size(), plan.scans.size());
   const std::vector<Measurement> scans = Scans(plan);
-  const auto exact = oracle.ExactCoverage(scans);
-  TargetBits covered(oracle.measurable().size());
+  const auto exact = gain_model.ExactCoverage(scans);
+  TargetBits covered(gain_model.measurable().size());
   for (size_t i = 0; i < scans.size(); ++i) {
     EXPECT_EQ(plan.scans[i].exact.covered, (*exact)[i].covered);
     EXPECT_EQ(plan.scans[i].exact.feasibility, ScanFeasibility::kFeasible);
@@ -54,15 +54,16 @@ void ExpectConsistent(FunctionOracle& oracle, const PlannerResult& plan) {
       EXPECT_GE(gain, (*exact)[later].covered.CountNotIn(covered));
     }
     covered |= (*exact)[i].covered;
-    EXPECT_DOUBLE_EQ(plan.coverage_curve[i], static_cast<double>(covered.Count()) /
-                                                 static_cast<double>(oracle.measurable().Count()));
+    EXPECT_DOUBLE_EQ(plan.coverage_curve[i],
+                     static_cast<double>(covered.Count()) /
+                         static_cast<double>(gain_model.measurable().Count()));
   }
 }
 
 class StrategyTest : public testing::TestWithParam<std::string> {};
 
 TEST_P(StrategyTest, ReachesTheGoalWithConsistentNumbers) {
-  FunctionOracle oracle = CastingOracle(300, 1);
+  FunctionGainModel gain_model = CastingGainModel(300, 1);
   int reports = 0;
   PlannerRequest request = CastingRequest(GetParam());
   request.on_progress = [&](const PlanProgress& progress) {
@@ -70,12 +71,12 @@ TEST_P(StrategyTest, ReachesTheGoalWithConsistentNumbers) {
     EXPECT_FALSE(progress.phase.empty());
     EXPECT_EQ(progress.goal, 0.9);
   };
-  const auto plan = MakePlan(oracle, request);
+  const auto plan = MakePlan(gain_model, request);
   ASSERT_TRUE(plan.ok()) << plan.status();
   EXPECT_EQ(plan->stop_reason, StopReason::kGoalReached);
   EXPECT_GE(plan->coverage_curve.back(), 0.9);
   EXPECT_GT(reports, 0);
-  ExpectConsistent(oracle, *plan);
+  ExpectConsistent(gain_model, *plan);
   if (GetParam() != "matrix") {
     EXPECT_LE(plan->evaluations,
               request.evaluations_per_scan * static_cast<int64_t>(plan->scans.size()));
@@ -87,7 +88,7 @@ TEST_P(StrategyTest, SameSeedSamePlan) {
   request.goal.coverage = 0.7;
   request.evaluations_per_scan = 600;
   request.seed = 11;
-  FunctionOracle a = CastingOracle(200, 1), b = CastingOracle(200, 1);
+  FunctionGainModel a = CastingGainModel(200, 1), b = CastingGainModel(200, 1);
   const auto first = MakePlan(a, request);
   const auto second = MakePlan(b, request);
   ASSERT_TRUE(first.ok() && second.ok());
@@ -100,7 +101,7 @@ TEST_P(StrategyTest, SameSeedSamePlan) {
 }
 
 TEST_P(StrategyTest, LockedScansStayFirstAndStartingScansArePartOfThePlan) {
-  FunctionOracle oracle = CastingOracle(300, 1);
+  FunctionGainModel gain_model = CastingGainModel(300, 1);
   PlannerRequest request = CastingRequest(GetParam());
   Measurement locked;
   locked.camera_distance_m = 0.6;
@@ -110,7 +111,7 @@ TEST_P(StrategyTest, LockedScansStayFirstAndStartingScansArePartOfThePlan) {
   request.locked = {locked};
   request.starting = {starting};
   request.goal.max_scans = 3;
-  const auto plan = MakePlan(oracle, request);
+  const auto plan = MakePlan(gain_model, request);
   ASSERT_TRUE(plan.ok()) << plan.status();
   ASSERT_EQ(plan->scans.size(), 3u);
   EXPECT_EQ(plan->stop_reason, StopReason::kMaxScans);
@@ -120,30 +121,31 @@ TEST_P(StrategyTest, LockedScansStayFirstAndStartingScansArePartOfThePlan) {
   if (GetParam() != "refined") {
     EXPECT_TRUE(plan->scans[1].measurement == starting || plan->scans[2].measurement == starting);
   }
-  ExpectConsistent(oracle, *plan);
+  ExpectConsistent(gain_model, *plan);
 }
 
 TEST_P(StrategyTest, UnreachableGoalStalls) {
   // Half of the targets cannot be covered.
-  FunctionOracle oracle(60, [positions = GreedyTrapPositions()](const Measurement& m, size_t t) {
-    return t % 2 == 0 && std::abs(positions[t] - m.offset_y_m) <= 0.25;
-  });
+  FunctionGainModel gain_model(60,
+                               [positions = GreedyTrapPositions()](const Measurement& m, size_t t) {
+                                 return t % 2 == 0 && std::abs(positions[t] - m.offset_y_m) <= 0.25;
+                               });
   PlannerRequest request = TrapRequest(GetParam());
   request.evaluations_per_scan = 500;
-  const auto plan = MakePlan(oracle, request);
+  const auto plan = MakePlan(gain_model, request);
   ASSERT_TRUE(plan.ok()) << plan.status();
   EXPECT_EQ(plan->stop_reason, StopReason::kStalled);
   EXPECT_DOUBLE_EQ(plan->coverage_curve.back(), 0.5);
 }
 
 TEST_P(StrategyTest, InterruptionKeepsWhatIsPlanned) {
-  FunctionOracle oracle = CastingOracle(300, 1);
+  FunctionGainModel gain_model = CastingGainModel(300, 1);
   std::atomic<bool> interrupted = false;
   PlannerRequest request = CastingRequest(GetParam());
   request.interrupted = &interrupted;
   request.goal.coverage = 0.99;
-  oracle.set_on_query([&] {
-    if (oracle.evaluations() > 6000) interrupted = true;
+  gain_model.set_on_query([&] {
+    if (gain_model.evaluations() > 6000) interrupted = true;
   });
   if (GetParam() == "matrix") {
     request.matrix_samples = 10000000;
@@ -151,14 +153,14 @@ TEST_P(StrategyTest, InterruptionKeepsWhatIsPlanned) {
       if (progress.evaluations >= 2000) interrupted = true;
     };
   }
-  const auto plan = MakePlan(oracle, request);
+  const auto plan = MakePlan(gain_model, request);
   ASSERT_TRUE(plan.ok()) << plan.status();
   EXPECT_EQ(plan->stop_reason, StopReason::kInterrupted);
   if (GetParam() != "matrix") {
     EXPECT_GE(plan->scans.size(), 2u);
     EXPECT_LT(plan->evaluations, 8000);
   }
-  ExpectConsistent(oracle, *plan);
+  ExpectConsistent(gain_model, *plan);
 }
 
 std::vector<std::string> StrategyNames() {
@@ -177,18 +179,18 @@ INSTANTIATE_TEST_SUITE_P(All, StrategyTest, testing::ValuesIn(StrategyNames()),
 TEST(GreedyTrapTest, GreedyNeedsThreeScansAndRefinedTheOptimumOfTwo) {
   for (int64_t seed = 1; seed <= 3; ++seed) {
     for (const char* strategy : {"greedy-pso", "greedy-cmaes", "matrix"}) {
-      FunctionOracle oracle = GreedyTrapOracle();
+      FunctionGainModel gain_model = GreedyTrapGainModel();
       PlannerRequest request = TrapRequest(strategy);
       request.seed = seed;
-      const auto plan = MakePlan(oracle, request);
+      const auto plan = MakePlan(gain_model, request);
       ASSERT_TRUE(plan.ok());
       EXPECT_EQ(plan->scans.size(), 3u) << strategy;
       EXPECT_EQ(plan->coverage_curve.back(), 1);
     }
-    FunctionOracle oracle = GreedyTrapOracle();
+    FunctionGainModel gain_model = GreedyTrapGainModel();
     PlannerRequest request = TrapRequest("refined");
     request.seed = seed;
-    const auto plan = MakePlan(oracle, request);
+    const auto plan = MakePlan(gain_model, request);
     ASSERT_TRUE(plan.ok());
     EXPECT_EQ(plan->scans.size(), 2u);
     EXPECT_EQ(plan->coverage_curve.back(), 1);
@@ -196,43 +198,43 @@ TEST(GreedyTrapTest, GreedyNeedsThreeScansAndRefinedTheOptimumOfTwo) {
 }
 
 TEST(ScanCountTest, SettlesMostWithSoManyScansWhateverTheGoal) {
-  FunctionOracle oracle = GreedyTrapOracle();
+  FunctionGainModel gain_model = GreedyTrapGainModel();
   PlannerRequest request = TrapRequest("refined");
   request.goal.coverage = 0.1;
   request.goal.max_scans = 40;
   request.goal.min_gain = 0.9;
   request.scan_count = 1;
-  const auto one = MakePlan(oracle, request);
+  const auto one = MakePlan(gain_model, request);
   ASSERT_TRUE(one.ok());
   ASSERT_EQ(one->scans.size(), 1u);
   EXPECT_EQ(one->score.settled, 40);  // the window in the middle
   EXPECT_EQ(one->stop_reason, StopReason::kMaxScans);
   request.scan_count = 2;
-  const auto two = MakePlan(oracle, request);
+  const auto two = MakePlan(gain_model, request);
   ASSERT_TRUE(two.ok());
   EXPECT_EQ(two->scans.size(), 2u);
   EXPECT_EQ(two->score.settled, 60);
   // No more scans than it takes.
   request.scan_count = 5;
-  const auto five = MakePlan(oracle, request);
+  const auto five = MakePlan(gain_model, request);
   ASSERT_TRUE(five.ok());
   EXPECT_EQ(five->scans.size(), 2u);
   request.scan_count = 0;
-  EXPECT_THAT(std::string(MakePlan(oracle, request).status().message()),
+  EXPECT_THAT(std::string(MakePlan(gain_model, request).status().message()),
               HasSubstr("scan_count: 0 is not >= 1"));
   request.scan_count = 1;
   request.starting.resize(2);
-  EXPECT_THAT(std::string(MakePlan(oracle, request).status().message()),
+  EXPECT_THAT(std::string(MakePlan(gain_model, request).status().message()),
               HasSubstr("at least the 2 locked and starting scans"));
 }
 
 TEST(ScanCountTest, GreedyStrategiesKeepToItToo) {
   for (const char* strategy : {"greedy-pso", "matrix"}) {
-    FunctionOracle oracle = GreedyTrapOracle();
+    FunctionGainModel gain_model = GreedyTrapGainModel();
     PlannerRequest request = TrapRequest(strategy);
     request.goal.coverage = 0.1;
     request.scan_count = 2;
-    const auto plan = MakePlan(oracle, request);
+    const auto plan = MakePlan(gain_model, request);
     ASSERT_TRUE(plan.ok());
     EXPECT_EQ(plan->scans.size(), 2u);
     EXPECT_EQ(plan->score.settled, 50);  // greedy: the middle, then one end
@@ -240,18 +242,18 @@ TEST(ScanCountTest, GreedyStrategiesKeepToItToo) {
 }
 
 TEST(RefinedPlanTest, CandidatesOfOnePlanHelpTheNext) {
-  FunctionOracle oracle = CastingOracle(300, 7);
+  FunctionGainModel gain_model = CastingGainModel(300, 7);
   PlannerRequest request = CastingRequest("refined");
-  const auto plan = MakePlan(oracle, request);
+  const auto plan = MakePlan(gain_model, request);
   ASSERT_TRUE(plan.ok());
   EXPECT_GT(plan->candidates.size(), plan->scans.size());
   // With next to no effort of its own.
   request.evaluations_per_scan = 60;
   request.scan_count = static_cast<int>(plan->scans.size());
-  const auto without = MakePlan(oracle, request);
+  const auto without = MakePlan(gain_model, request);
   request.candidates = plan->candidates;
   request.evaluations_per_scan += static_cast<int64_t>(plan->candidates.size());
-  const auto with = MakePlan(oracle, request);
+  const auto with = MakePlan(gain_model, request);
   ASSERT_TRUE(without.ok() && with.ok());
   EXPECT_GT(with->score.settled, without->score.settled);
 }
@@ -260,11 +262,11 @@ TEST(RefinedPlanTest, NeedsFewerScansThanGreedyForTheSameBudget) {
   std::vector<size_t> greedy_scans, refined_scans;
   for (int64_t seed = 1; seed <= 3; ++seed) {
     for (auto* scans : {&greedy_scans, &refined_scans}) {
-      FunctionOracle oracle = CastingOracle(300, 7);
+      FunctionGainModel gain_model = CastingGainModel(300, 7);
       PlannerRequest request = CastingRequest(scans == &greedy_scans ? "greedy-pso" : "refined");
       request.goal.coverage = 0.95;
       request.seed = seed;
-      const auto plan = MakePlan(oracle, request);
+      const auto plan = MakePlan(gain_model, request);
       ASSERT_TRUE(plan.ok());
       EXPECT_EQ(plan->stop_reason, StopReason::kGoalReached);
       scans->push_back(plan->scans.size());
@@ -282,9 +284,9 @@ TEST(RefinedPlanTest, NeedsFewerScansThanGreedyForTheSameBudget) {
 
 TEST(RefinedPlanTest, AimsAtTheExactGoalWhenFastIsOptimistic) {
   // Exact coverage misses one fast target in thirty of each scan.
-  FunctionOracle oracle = CastingOracle(300, 1);
-  FunctionOracle fast = CastingOracle(300, 1);
-  oracle.set_exact([&fast](const Measurement& m, size_t t) {
+  FunctionGainModel gain_model = CastingGainModel(300, 1);
+  FunctionGainModel fast = CastingGainModel(300, 1);
+  gain_model.set_exact([&fast](const Measurement& m, size_t t) {
     const auto key = static_cast<uint64_t>(std::abs(m.offset_y_m) * 1e9);
     if (DeriveSeed(key, t) % 30 == 0) return false;
     const auto coverage = fast.FastCoverage({&m, 1});
@@ -293,58 +295,58 @@ TEST(RefinedPlanTest, AimsAtTheExactGoalWhenFastIsOptimistic) {
   PlannerRequest request = CastingRequest("refined");
   request.evaluations_per_scan = 600;
   request.goal.coverage = 0.85;
-  const auto plan = MakePlan(oracle, request);
+  const auto plan = MakePlan(gain_model, request);
   ASSERT_TRUE(plan.ok()) << plan.status();
   EXPECT_EQ(plan->stop_reason, StopReason::kGoalReached);
   EXPECT_GE(plan->coverage_curve.back(), 0.85);
-  ExpectConsistent(oracle, *plan);
+  ExpectConsistent(gain_model, *plan);
 }
 
 TEST(RefinedPlanTest, ReplacesScansThatAreInfeasibleExactly) {
-  FunctionOracle oracle = GreedyTrapOracle();
+  FunctionGainModel gain_model = GreedyTrapGainModel();
   // Only exact evaluation knows of an obstacle that takes away part of the places.
-  oracle.set_exact_feasibility([](const Measurement& m) {
+  gain_model.set_exact_feasibility([](const Measurement& m) {
     return m.offset_y_m > 0.245 && m.offset_y_m < 0.25 ? ScanFeasibility::kCollision
                                                        : ScanFeasibility::kFeasible;
   });
   for (const char* strategy : {"refined", "greedy-pso"}) {
     PlannerRequest request = TrapRequest(strategy);
-    const auto plan = MakePlan(oracle, request);
+    const auto plan = MakePlan(gain_model, request);
     ASSERT_TRUE(plan.ok()) << plan.status();
     EXPECT_EQ(plan->stop_reason, StopReason::kGoalReached) << strategy;
-    ExpectConsistent(oracle, *plan);
+    ExpectConsistent(gain_model, *plan);
   }
 }
 
 TEST(MakePlanTest, RejectsBadRequests) {
-  FunctionOracle oracle = GreedyTrapOracle();
+  FunctionGainModel gain_model = GreedyTrapGainModel();
   PlannerRequest request = TrapRequest("greedy-psi");
-  auto plan = MakePlan(oracle, request);
+  auto plan = MakePlan(gain_model, request);
   EXPECT_EQ(plan.status().code(), absl::StatusCode::kInvalidArgument);
   EXPECT_THAT(plan.status().message(), HasSubstr("nearest is \"greedy-pso\""));
 
   request = TrapRequest("refined");
   request.goal.coverage = 1.5;
-  plan = MakePlan(oracle, request);
+  plan = MakePlan(gain_model, request);
   EXPECT_EQ(plan.status().code(), absl::StatusCode::kInvalidArgument);
   EXPECT_THAT(plan.status().message(), HasSubstr("1.5"));
 
   request = TrapRequest("refined");
   request.locked = {Measurement{}};
-  oracle.set_feasibility([](const Measurement&) { return ScanFeasibility::kTravel; });
-  plan = MakePlan(oracle, request);
+  gain_model.set_feasibility([](const Measurement&) { return ScanFeasibility::kTravel; });
+  plan = MakePlan(gain_model, request);
   EXPECT_EQ(plan.status().code(), absl::StatusCode::kInvalidArgument);
   EXPECT_THAT(plan.status().message(), HasSubstr("locked scan 1"));
 }
 
 TEST(MakePlanTest, FixedParametersAndListsAreKept) {
-  FunctionOracle oracle = CastingOracle(300, 1);
+  FunctionGainModel gain_model = CastingGainModel(300, 1);
   PlannerRequest request = CastingRequest("refined");
   request.domain.parameters[0] = {{}, {0.5}, false};
   request.domain.parameters[1] = {{}, {0.2, -0.2}, false};
   request.domain.resting_orientations = {{0, 0}, {std::numbers::pi, 0}, {std::numbers::pi / 2, 0}};
   request.goal.max_scans = 4;
-  const auto plan = MakePlan(oracle, request);
+  const auto plan = MakePlan(gain_model, request);
   ASSERT_TRUE(plan.ok());
   EXPECT_EQ(plan->scans.size(), 4u);
   for (const auto& scan : plan->scans) {
@@ -356,10 +358,10 @@ TEST(MakePlanTest, FixedParametersAndListsAreKept) {
 }
 
 TEST(MakePlanTest, NothingMeasurableIsAnEmptyPlan) {
-  FunctionOracle oracle = GreedyTrapOracle();
-  for (size_t t = 0; t < 60; ++t) oracle.RemoveMeasurable(t);
+  FunctionGainModel gain_model = GreedyTrapGainModel();
+  for (size_t t = 0; t < 60; ++t) gain_model.RemoveMeasurable(t);
   for (const StrategyDescription& strategy : Strategies()) {
-    const auto plan = MakePlan(oracle, TrapRequest(strategy.name));
+    const auto plan = MakePlan(gain_model, TrapRequest(strategy.name));
     ASSERT_TRUE(plan.ok()) << strategy.name << ": " << plan.status();
     EXPECT_TRUE(plan->scans.empty()) << strategy.name;
   }
@@ -368,17 +370,17 @@ TEST(MakePlanTest, NothingMeasurableIsAnEmptyPlan) {
 TEST(PlanForShares, ScansAddUpUntilTargetsAreSettled) {
   // Every target needs three of the scans that reach half of the line: six scans at the least.
   for (const char* strategy : {"refined", "greedy-pso", "greedy-cmaes"}) {
-    ShareOracle oracle;
+    ShareGainModel gain_model;
     PlannerRequest request;
     request.domain = OffsetDomain();
     request.goal.coverage = 0;
     request.goal.admissible = 1.0;
     request.strategy = strategy;
     request.evaluations_per_scan = 2000;
-    const auto plan = MakePlan(oracle, request);
+    const auto plan = MakePlan(gain_model, request);
     ASSERT_TRUE(plan.ok()) << strategy << plan.status();
     EXPECT_EQ(plan->stop_reason, StopReason::kGoalReached) << strategy;
-    EXPECT_EQ(plan->score.settled, static_cast<int64_t>(ShareOracle::kTargets));
+    EXPECT_EQ(plan->score.settled, static_cast<int64_t>(ShareGainModel::kTargets));
     EXPECT_GE(plan->scans.size(), 6u);
     EXPECT_LE(plan->scans.size(), std::string(strategy) == "refined" ? 7u : 9u) << strategy;
     ASSERT_EQ(plan->coverage_curve.size(), plan->scans.size());
@@ -388,8 +390,8 @@ TEST(PlanForShares, ScansAddUpUntilTargetsAreSettled) {
 }
 
 TEST(PlanForShares, TheBoundCountsWhatEveryTargetNeeds) {
-  ShareOracle oracle;
-  const auto bound = BoundScanCount(oracle, OffsetDomain(), 1.0, {}, 30000, 1);
+  ShareGainModel gain_model;
+  const auto bound = BoundScanCount(gain_model, OffsetDomain(), 1.0, {}, 30000, 1);
   ASSERT_TRUE(bound.ok()) << bound.status();
   // Both ends of the line need 1 / 0.4 scans each, and no scan reaches both: 5. The search for
   // weights comes near that from below.

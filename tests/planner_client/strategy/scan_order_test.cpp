@@ -7,7 +7,7 @@
 #include <numeric>
 
 #include "planner_client/optimise/search_space.h"
-#include "tests/planner_client/analytic_oracle.h"
+#include "tests/planner_client/analytic_gain_model.h"
 
 namespace sightline {
 namespace {

@@ -6,7 +6,7 @@
 #include <set>
 
 #include "core/random/random.h"
-#include "tests/planner_client/analytic_oracle.h"
+#include "tests/planner_client/analytic_gain_model.h"
 
 namespace sightline {
 namespace {

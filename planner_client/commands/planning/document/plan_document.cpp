@@ -145,8 +145,8 @@ absl::Status AddUncertainty(const PlanningSession& session, PlanDocument& docume
     feasible.push_back(document.scans[i].measurement);
     index_of.push_back(static_cast<int>(i));
   }
-  auto exact = session.measured_oracle != nullptr
-                   ? session.measured_oracle->Uncertainties(feasible)
+  auto exact = session.measured_gain_model != nullptr
+                   ? session.measured_gain_model->Uncertainties(feasible)
                    : session.client->Uncertainties(feasible, {}, true, {});
   if (!exact.ok()) return exact.status();
   document.uncertainties = *std::move(exact);
@@ -207,7 +207,7 @@ absl::Status AddUncertainty(const PlanningSession& session, PlanDocument& docume
     if (absl::Status status = AddVerdicts(session, feasible, document); !status.ok()) return status;
   }
   if (session.fresh_client && !feasible.empty()) {
-    auto score = session.oracle->ScorePlan(feasible, true);
+    auto score = session.gain_model->ScorePlan(feasible, true);
     if (!score.ok()) return score.status();
     const auto fresh = static_cast<double>(std::max<int64_t>(1, score->fresh_judged));
     message.set_fresh_judged_targets(score->fresh_judged);
@@ -348,7 +348,7 @@ ExecutionBounds BoundsOnExecution(const PlanningSession& session, const ScanCoun
                                   const v1::Plan& plan) {
   const double satisfied = plan.has_uncertainty() ? plan.uncertainty().admissible_fraction()
                                                   : plan.coverage().coverage();
-  const TargetBits& wanted = session.oracle->measurable();
+  const TargetBits& wanted = session.gain_model->measurable();
   const double fraction = std::min(GoalFraction(session.inspection.goal), satisfied);
   const auto goal_targets =
       static_cast<int64_t>(std::ceil(fraction * static_cast<double>(wanted.Count()) - 1e-9));

@@ -18,7 +18,7 @@
 #include "planner_client/command_line/process/print.h"
 #include "planner_client/coverage_client/part_upload.h"
 #include "planner_client/plan_file/plan_file.h"
-#include "planner_client/replanning/measured_oracle.h"
+#include "planner_client/replanning/measured_gain_model.h"
 
 namespace sightline {
 namespace {
@@ -71,19 +71,19 @@ absl::StatusOr<Eigen::Isometry3d> ReadPose(const std::string& path) {
 }
 
 // Part of the targets that scans satisfy, exact; infeasible ones count for nothing.
-absl::StatusOr<double> SettledFraction(GainOracle& oracle, std::span<const Measurement> scans) {
-  const auto all = static_cast<double>(std::max<int64_t>(1, oracle.measurable().Count()));
-  auto exact = oracle.ExactCoverage(scans);
+absl::StatusOr<double> SettledFraction(GainModel& gain_model, std::span<const Measurement> scans) {
+  const auto all = static_cast<double>(std::max<int64_t>(1, gain_model.measurable().Count()));
+  auto exact = gain_model.ExactCoverage(scans);
   if (!exact.ok()) return exact.status();
   std::vector<Measurement> feasible;
-  TargetBits covered(oracle.measurable().size());
+  TargetBits covered(gain_model.measurable().size());
   for (size_t i = 0; i < scans.size(); ++i) {
     if ((*exact)[i].feasibility != ScanFeasibility::kFeasible) continue;
     feasible.push_back(scans[i]);
     covered |= (*exact)[i].covered;
   }
-  if (!oracle.ScoresPlans()) return static_cast<double>(covered.Count()) / all;
-  auto score = oracle.ScorePlan(feasible, true);
+  if (!gain_model.ScoresPlans()) return static_cast<double>(covered.Count()) / all;
+  auto score = gain_model.ScorePlan(feasible, true);
   if (!score.ok()) return score.status();
   return static_cast<double>(score->settled) / all;
 }
@@ -246,11 +246,11 @@ absl::Status AskMeasuredPoints(const EarlierPlan& earlier, PlanningSession* sess
   if (CoverageClient* other = session->fresh_client.get()) {
     fresh = MeasuredTargetsOf(*session, *other, JudgedOf(*session, *other));
   }
-  auto oracle = std::make_unique<MeasuredOracle>(
-      std::move(session->oracle), earlier.Measured(), std::move(planned), std::move(fresh),
+  auto gain_model = std::make_unique<MeasuredGainModel>(
+      std::move(session->gain_model), earlier.Measured(), std::move(planned), std::move(fresh),
       session->requirements ? session->requirements->relaxed_uncertainty_m : 0);
-  session->measured_oracle = oracle.get();
-  session->oracle = std::move(oracle);
+  session->measured_gain_model = gain_model.get();
+  session->gain_model = std::move(gain_model);
   return absl::OkStatus();
 }
 
@@ -261,7 +261,7 @@ absl::Status DescribeAsMeasured(const EarlierPlan& earlier, const PlanningSessio
   const std::vector<Measurement> measured = earlier.Measured();
   auto simulated = session.client->ExactCoverage(measured);
   if (!simulated.ok()) return simulated.status();
-  auto by_points = session.measured_oracle->ExactCoverage(measured);
+  auto by_points = session.measured_gain_model->ExactCoverage(measured);
   if (!by_points.ok()) return by_points.status();
   for (int i = 0; i < message.scans_size(); ++i) {
     message.mutable_scans(i)->set_covered_targets((*by_points)[i].covered.Count());
@@ -274,7 +274,7 @@ absl::Status DescribeAsMeasured(const EarlierPlan& earlier, const PlanningSessio
       {&now, &v1::AsMeasured::set_settled},
       {&measured, &v1::AsMeasured::set_measured_settled}};
   for (const auto& [scans, set] : wanted) {
-    auto fraction = SettledFraction(*session.measured_oracle, *scans);
+    auto fraction = SettledFraction(*session.measured_gain_model, *scans);
     if (!fraction.ok()) return fraction.status();
     (message.*set)(*fraction);
   }

@@ -19,8 +19,8 @@
 #include "planner_client/command_line/process/print.h"
 #include "planner_client/command_line/process/progress_line.h"
 #include "planner_client/commands/planning/session/robot_outputs.h"
+#include "planner_client/gain_model/coverage_gain_model.h"
 #include "planner_client/part_files/part_file.h"
-#include "planner_client/plan_oracle/coverage_oracle.h"
 #include "planner_client/requirements/reach.h"
 #include "planner_client/tolerance_import/tolerance_import.h"
 
@@ -100,25 +100,26 @@ std::string LimitsText(const TargetSampling& targets) {
   return text.empty() ? "none" : text;
 }
 
-absl::Status MakeOracle(PlanningSession& session) {
+absl::Status MakeGainModel(PlanningSession& session) {
   if (!session.ForUncertainty()) {
-    session.oracle = std::make_unique<CoverageOracle>(*session.client, session.fresh_client.get());
+    session.gain_model =
+        std::make_unique<CoverageGainModel>(*session.client, session.fresh_client.get());
     return absl::OkStatus();
   }
   const Requirements& requirements = *session.requirements;
   const UncertaintyModel& model = *session.inspection.uncertainty;
-  const auto judge = [&](CoverageClient* client) -> UncertaintyOracle::Sampling {
+  const auto judge = [&](CoverageClient* client) -> UncertaintyGainModel::Sampling {
     if (client == nullptr) return {nullptr, {}};
     return {client, JudgeTargets(*client, model, session.inspection.targets,
                                  requirements.AdmissibleUncertainties(client->targets()),
                                  requirements.relaxed_uncertainty_m)};
   };
-  auto oracle = std::make_unique<UncertaintyOracle>(
+  auto gain_model = std::make_unique<UncertaintyGainModel>(
       judge(session.client.get()), judge(session.fresh_client.get()), model,
       session.inspection.goal.gain, requirements.relaxed_uncertainty_m);
   PrintTextTo(stderr, "tolerances: they bind %lld of the measurable targets\n",
-              static_cast<long long>(oracle->measurable().Count()));
-  session.oracle = std::move(oracle);
+              static_cast<long long>(gain_model->measurable().Count()));
+  session.gain_model = std::move(gain_model);
   return absl::OkStatus();
 }
 
@@ -294,7 +295,7 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
                            "`measurement` and the limits of `targets` allow; the limits in force: ",
                            LimitsText(session.inspection.targets)));
   }
-  if (absl::Status status = MakeOracle(session); !status.ok()) return status;
+  if (absl::Status status = MakeGainModel(session); !status.ok()) return status;
   AskRobotFirst(options.kept_scans, &session);
   return session;
 }

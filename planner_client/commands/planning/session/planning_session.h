@@ -18,9 +18,9 @@
 #include "planner_client/command_line/process/progress_line.h"
 #include "planner_client/commands/server_tls.h"
 #include "planner_client/coverage_client/coverage_client.h"
+#include "planner_client/gain_model/uncertainty_gain_model.h"
 #include "planner_client/plan_file/part_of_plan.h"
-#include "planner_client/plan_oracle/uncertainty_oracle.h"
-#include "planner_client/replanning/measured_oracle.h"
+#include "planner_client/replanning/measured_gain_model.h"
 #include "planner_client/replanning/measured_part.h"
 #include "planner_client/requirements/requirements.h"
 #include "planner_client/robot/robot_cell.h"
@@ -61,10 +61,10 @@ struct PlanningSession {
   // Centre of the CAD model's bounding box, which the rig's offsets refer to.
   Eigen::Vector3d model_centre_m = Eigen::Vector3d::Zero();
   // For plans that go on from measured scans: the part as these found it (`part` is its mesh, and
-  // the rig of `inspection` has its placement), and the gain model of their points, which `oracle`
-  // owns. Null of other plans.
+  // the rig of `inspection` has its placement), and the gain model of their points, which `gain
+  // model` owns. Null of other plans.
   std::shared_ptr<const MeasuredPart> measured;
-  MeasuredOracle* measured_oracle = nullptr;
+  MeasuredGainModel* measured_gain_model = nullptr;
   // As the coverage server knows them.
   std::vector<CoverageTask::Obstacle> obstacles;
   std::shared_ptr<const RobotCell> robot;  // null without rig.robot
@@ -73,7 +73,7 @@ struct PlanningSession {
   std::unique_ptr<CoverageClient> fresh_client;  // null without validation targets
   std::optional<Requirements> requirements;      // of inspections with tolerances
   // For coverage, or for uncertainty where the goal asks for it.
-  std::unique_ptr<GainOracle> oracle;
+  std::unique_ptr<GainModel> gain_model;
   double open_time_s = 0;  // from start to the first possible query
 
   bool ForUncertainty() const { return inspection.goal.admissible.has_value(); }

@@ -10,8 +10,8 @@
 #include "core/random/random.h"
 #include "planner_client/command_line/process/interrupt.h"
 #include "planner_client/command_line/process/print.h"
+#include "planner_client/gain_model/reachable_gain_model.h"
 #include "planner_client/optimise/search_space.h"
-#include "planner_client/plan_oracle/reachable_oracle.h"
 #include "planner_client/robot/nearest_reachable.h"
 #include "planner_client/strategy/scan_order.h"
 
@@ -108,15 +108,15 @@ absl::Status OpenRobotCell(const CoverageTask& task, PlanningSession* session) {
   return absl::OkStatus();
 }
 
-std::unique_ptr<GainOracle> WithinReach(const PlanningSession& session,
-                                        std::unique_ptr<GainOracle> oracle,
-                                        const std::vector<Measurement>& kept) {
+std::unique_ptr<GainModel> WithinReach(const PlanningSession& session,
+                                       std::unique_ptr<GainModel> gain_model,
+                                       const std::vector<Measurement>& kept) {
   const Rig rig = session.inspection.rig;
   const TargetSet* targets = &session.client->targets();  // of the session's client, which stays
   const double spacing_m = session.inspection.targets.spacing_m;
   const Eigen::Vector3d centre_m = CentreOf(session);
-  auto within = std::make_unique<ReachableOracle>(
-      std::move(oracle), session.robot,
+  auto within = std::make_unique<ReachableGainModel>(
+      std::move(gain_model), session.robot,
       [=](const Measurement& measurement) {
         return EstimateTravel(rig, *targets, spacing_m, centre_m, measurement);
       },
@@ -131,7 +131,7 @@ void AskRobotFirst(const std::vector<Measurement>& kept, PlanningSession* sessio
     PrintTextTo(stderr, "robot: %s\n", remark.c_str());
   }
   PrintReach(*session);
-  session->oracle = WithinReach(*session, std::move(session->oracle), kept);
+  session->gain_model = WithinReach(*session, std::move(session->gain_model), kept);
 }
 
 std::vector<RobotMove> OrderForRobot(const PlanningSession& session,

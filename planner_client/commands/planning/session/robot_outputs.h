@@ -24,9 +24,9 @@ void AskRobotFirst(const std::vector<Measurement>& kept, PlanningSession* sessio
 
 // The gain model with scans that the robot cannot make infeasible, save `kept`. Only with a robot;
 // the session's client must outlive it.
-std::unique_ptr<GainOracle> WithinReach(const PlanningSession& session,
-                                        std::unique_ptr<GainOracle> oracle,
-                                        const std::vector<Measurement>& kept);
+std::unique_ptr<GainModel> WithinReach(const PlanningSession& session,
+                                       std::unique_ptr<GainModel> gain_model,
+                                       const std::vector<Measurement>& kept);
 
 // Moves in the best order; the scans' indices are those given. Only with a robot.
 std::vector<RobotMove> OrderForRobot(const PlanningSession& session,

@@ -6,10 +6,11 @@
 
 namespace sightline {
 
-class CoverageOracle final : public GainOracle {
+class CoverageGainModel final : public GainModel {
  public:
   // `fresh`: the same task with validation targets; may be null. Both must outlive the gain model.
-  CoverageOracle(CoverageClient& client, CoverageClient* fresh) : client_(client), fresh_(fresh) {}
+  CoverageGainModel(CoverageClient& client, CoverageClient* fresh)
+      : client_(client), fresh_(fresh) {}
 
   const TargetBits& measurable() const override { return client_.measurable(); }
   const TargetBits& fresh_measurable() const override;

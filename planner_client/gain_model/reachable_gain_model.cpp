@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "planner_client/plan_oracle/reachable_oracle.h"
+#include "planner_client/gain_model/reachable_gain_model.h"
 
 #include <algorithm>
 #include <array>
@@ -15,11 +15,11 @@ constexpr size_t kMostRemembered = 100000;
 
 }  // namespace
 
-void ReachableOracle::Keep(std::span<const Measurement> scans) {
+void ReachableGainModel::Keep(std::span<const Measurement> scans) {
   for (const Measurement& scan : scans) kept_.insert(ToArray(scan));
 }
 
-std::vector<bool> ReachableOracle::Reached(std::span<const Measurement> measurements) {
+std::vector<bool> ReachableGainModel::Reached(std::span<const Measurement> measurements) {
   std::vector<char> result(measurements.size(), 1);
   std::vector<size_t> open;
   {
@@ -54,7 +54,7 @@ std::vector<bool> ReachableOracle::Reached(std::span<const Measurement> measurem
 }
 
 template <typename Answer, typename Ask>
-absl::StatusOr<std::vector<Answer>> ReachableOracle::OfReached(
+absl::StatusOr<std::vector<Answer>> ReachableGainModel::OfReached(
     std::span<const Measurement> measurements, const Ask& ask,
     const std::function<Answer()>& unreached) {
   const std::vector<bool> reached = Reached(measurements);
@@ -76,7 +76,7 @@ absl::StatusOr<std::vector<Answer>> ReachableOracle::OfReached(
   return result;
 }
 
-ScanCoverage ReachableOracle::Unreached() const {
+ScanCoverage ReachableGainModel::Unreached() const {
   ScanCoverage coverage;
   coverage.feasibility = ScanFeasibility::kUnreachable;
   coverage.covered = TargetBits(measurable().size());
@@ -85,40 +85,40 @@ ScanCoverage ReachableOracle::Unreached() const {
   return coverage;
 }
 
-absl::StatusOr<std::vector<ScanGain>> ReachableOracle::Gains(
+absl::StatusOr<std::vector<ScanGain>> ReachableGainModel::Gains(
     std::span<const Measurement> measurements, std::span<const float> known) {
   return OfReached<ScanGain>(
-      measurements, [&](const auto& asked) { return oracle_->Gains(asked, known); },
+      measurements, [&](const auto& asked) { return gain_model_->Gains(asked, known); },
       [this] {
         ++unreached_;
         return ScanGain{.feasibility = ScanFeasibility::kUnreachable};
       });
 }
 
-absl::StatusOr<std::vector<ScanGain>> ReachableOracle::WeightedGains(
+absl::StatusOr<std::vector<ScanGain>> ReachableGainModel::WeightedGains(
     std::span<const Measurement> measurements, std::span<const float> weights) {
   return OfReached<ScanGain>(
-      measurements, [&](const auto& asked) { return oracle_->WeightedGains(asked, weights); },
+      measurements, [&](const auto& asked) { return gain_model_->WeightedGains(asked, weights); },
       [this] {
         ++unreached_;
         return ScanGain{.feasibility = ScanFeasibility::kUnreachable};
       });
 }
 
-absl::StatusOr<std::vector<ScanCoverage>> ReachableOracle::FastCoverage(
+absl::StatusOr<std::vector<ScanCoverage>> ReachableGainModel::FastCoverage(
     std::span<const Measurement> measurements) {
   return OfReached<ScanCoverage>(
-      measurements, [&](const auto& asked) { return oracle_->FastCoverage(asked); },
+      measurements, [&](const auto& asked) { return gain_model_->FastCoverage(asked); },
       [this] {
         ++unreached_;
         return Unreached();
       });
 }
 
-absl::StatusOr<std::vector<ScanCoverage>> ReachableOracle::ExactCoverage(
+absl::StatusOr<std::vector<ScanCoverage>> ReachableGainModel::ExactCoverage(
     std::span<const Measurement> measurements) {
   auto coverages = OfReached<ScanCoverage>(
-      measurements, [&](const auto& asked) { return oracle_->ExactCoverage(asked); },
+      measurements, [&](const auto& asked) { return gain_model_->ExactCoverage(asked); },
       [this] { return Unreached(); });
   if (!coverages.ok()) return coverages;
   for (size_t i = 0; i < measurements.size(); ++i) {

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "planner_client/replanning/measured_oracle.h"
+#include "planner_client/replanning/measured_gain_model.h"
 
 #include <gtest/gtest.h>
 
 #include <memory>
 
 #include "planner_client/strategy/planner.h"
-#include "tests/planner_client/analytic_oracle.h"
+#include "tests/planner_client/analytic_gain_model.h"
 
 namespace sightline {
 namespace {
@@ -27,19 +27,19 @@ Measurement At(double offset_y_m) {
 }
 
 // The scan at 0 was measured, and its points cover the targets 30 to 49 instead of 38 to 62.
-std::unique_ptr<MeasuredOracle> Oracle(std::unique_ptr<FunctionOracle> simulated) {
+std::unique_ptr<MeasuredGainModel> GainModel(std::unique_ptr<FunctionGainModel> simulated) {
   MeasuredTargets told;
   told.covered.emplace_back(kTargets);
   for (size_t t = 30; t < 50; ++t) told.covered[0].Set(t);
   told.points = {1234};
-  return std::make_unique<MeasuredOracle>(std::move(simulated), std::vector<Measurement>{At(0)},
-                                          std::move(told), std::nullopt, 0);
+  return std::make_unique<MeasuredGainModel>(std::move(simulated), std::vector<Measurement>{At(0)},
+                                             std::move(told), std::nullopt, 0);
 }
 
-TEST(MeasuredOracle, MeasuredScansSettleWhatTheirPointsSay) {
-  const auto oracle = Oracle(std::make_unique<FunctionOracle>(kTargets, Covers));
+TEST(MeasuredGainModel, MeasuredScansSettleWhatTheirPointsSay) {
+  const auto gain_model = GainModel(std::make_unique<FunctionGainModel>(kTargets, Covers));
   const std::vector<Measurement> asked = {At(0.3), At(0)};
-  for (const auto& coverage : {oracle->FastCoverage(asked), oracle->ExactCoverage(asked)}) {
+  for (const auto& coverage : {gain_model->FastCoverage(asked), gain_model->ExactCoverage(asked)}) {
     ASSERT_TRUE(coverage.ok());
     EXPECT_TRUE((*coverage)[0].covered.Test(80));
     EXPECT_FALSE((*coverage)[0].covered.Test(40));
@@ -47,32 +47,32 @@ TEST(MeasuredOracle, MeasuredScansSettleWhatTheirPointsSay) {
     EXPECT_FALSE((*coverage)[1].covered.Test(60));
     EXPECT_EQ((*coverage)[1].covered.Count(), 20);
   }
-  EXPECT_EQ((*oracle->ExactCoverage(asked))[1].measurement_points, 1234);
+  EXPECT_EQ((*gain_model->ExactCoverage(asked))[1].measurement_points, 1234);
 }
 
-TEST(MeasuredOracle, ForwardsWeightsOfTheGain) {
-  auto weighted = std::make_unique<WeightedOracle>(kTargets, Covers);
-  const WeightedOracle& asked = *weighted;
-  const auto oracle = Oracle(std::move(weighted));
-  EXPECT_TRUE(oracle->SetWeights({.information = 0.5}).ok());
+TEST(MeasuredGainModel, ForwardsWeightsOfTheGain) {
+  auto weighted = std::make_unique<WeightedGainModel>(kTargets, Covers);
+  const WeightedGainModel& asked = *weighted;
+  const auto gain_model = GainModel(std::move(weighted));
+  EXPECT_TRUE(gain_model->SetWeights({.information = 0.5}).ok());
   EXPECT_EQ(asked.weights().information, 0.5);
 }
 
 // A scan that has been made is feasible, whatever simulation says.
-TEST(MeasuredOracle, MeasuredScansAreFeasible) {
-  auto simulated = std::make_unique<FunctionOracle>(kTargets, Covers);
+TEST(MeasuredGainModel, MeasuredScansAreFeasible) {
+  auto simulated = std::make_unique<FunctionGainModel>(kTargets, Covers);
   simulated->set_feasibility([](const Measurement& m) {
     return m.offset_y_m == 0 ? ScanFeasibility::kCollision : ScanFeasibility::kFeasible;
   });
-  const auto oracle = Oracle(std::move(simulated));
-  const auto exact = oracle->ExactCoverage(std::vector<Measurement>{At(0)});
+  const auto gain_model = GainModel(std::move(simulated));
+  const auto exact = gain_model->ExactCoverage(std::vector<Measurement>{At(0)});
   ASSERT_TRUE(exact.ok());
   EXPECT_EQ((*exact)[0].feasibility, ScanFeasibility::kFeasible);
 }
 
 // The planner keeps the measured scan, in front, and satisfies what its points left open.
-TEST(MeasuredOracle, PlansGoOnFromWhatPointsSettle) {
-  const auto oracle = Oracle(std::make_unique<FunctionOracle>(kTargets, Covers));
+TEST(MeasuredGainModel, PlansGoOnFromWhatPointsSettle) {
+  const auto gain_model = GainModel(std::make_unique<FunctionGainModel>(kTargets, Covers));
   PlannerRequest request;
   request.domain = ThesisDomain();
   for (size_t p = 0; p < kMeasurementParameters; ++p) {
@@ -83,7 +83,7 @@ TEST(MeasuredOracle, PlansGoOnFromWhatPointsSettle) {
   request.goal.coverage = 0.95;
   request.evaluations_per_scan = 1000;
   request.locked = {At(0)};
-  const auto plan = MakePlan(*oracle, request);
+  const auto plan = MakePlan(*gain_model, request);
   ASSERT_TRUE(plan.ok()) << plan.status();
   EXPECT_EQ(plan->stop_reason, StopReason::kGoalReached);
   ASSERT_GE(plan->scans.size(), 2u);

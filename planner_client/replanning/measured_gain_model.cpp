@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "planner_client/replanning/measured_oracle.h"
+#include "planner_client/replanning/measured_gain_model.h"
 
 #include <algorithm>
 #include <cmath>
@@ -16,23 +16,24 @@ double EquivalentDensity(const SurfacePrior& prior, double uncertainty_m) {
 
 }  // namespace
 
-MeasuredOracle::MeasuredOracle(std::unique_ptr<GainOracle> oracle, std::vector<Measurement> scans,
-                               MeasuredTargets planned, std::optional<MeasuredTargets> fresh,
-                               double relaxed_uncertainty_m)
-    : oracle_(std::move(oracle)),
+MeasuredGainModel::MeasuredGainModel(std::unique_ptr<GainModel> gain_model,
+                                     std::vector<Measurement> scans, MeasuredTargets planned,
+                                     std::optional<MeasuredTargets> fresh,
+                                     double relaxed_uncertainty_m)
+    : gain_model_(std::move(gain_model)),
       scans_(std::move(scans)),
       planned_(std::move(planned)),
       fresh_(std::move(fresh)),
       relaxed_uncertainty_m_(relaxed_uncertainty_m) {}
 
-std::optional<size_t> MeasuredOracle::MeasuredIndex(const Measurement& scan) const {
+std::optional<size_t> MeasuredGainModel::MeasuredIndex(const Measurement& scan) const {
   const auto found = std::find(scans_.begin(), scans_.end(), scan);
   if (found == scans_.end()) return std::nullopt;
   return static_cast<size_t>(found - scans_.begin());
 }
 
 template <typename Change>
-absl::StatusOr<std::vector<ScanCoverage>> MeasuredOracle::AsMeasured(
+absl::StatusOr<std::vector<ScanCoverage>> MeasuredGainModel::AsMeasured(
     absl::StatusOr<std::vector<ScanCoverage>> coverages, std::span<const Measurement> measurements,
     const Change& change) const {
   if (!coverages.ok()) return coverages;
@@ -47,7 +48,7 @@ absl::StatusOr<std::vector<ScanCoverage>> MeasuredOracle::AsMeasured(
   return coverages;
 }
 
-absl::StatusOr<std::vector<ScanCoverage>> MeasuredOracle::FastCoverage(
+absl::StatusOr<std::vector<ScanCoverage>> MeasuredGainModel::FastCoverage(
     std::span<const Measurement> measurements) {
   const auto change = [&](size_t measured, ScanCoverage& coverage) {
     coverage.shares = {};
@@ -67,20 +68,20 @@ absl::StatusOr<std::vector<ScanCoverage>> MeasuredOracle::FastCoverage(
           static_cast<float>(added / planned_.judged.admissible_density[t]));
     }
   };
-  return AsMeasured(oracle_->FastCoverage(measurements), measurements, change);
+  return AsMeasured(gain_model_->FastCoverage(measurements), measurements, change);
 }
 
-absl::StatusOr<std::vector<ScanCoverage>> MeasuredOracle::ExactCoverage(
+absl::StatusOr<std::vector<ScanCoverage>> MeasuredGainModel::ExactCoverage(
     std::span<const Measurement> measurements) {
   const auto change = [&](size_t measured, ScanCoverage& coverage) {
     coverage.covered_without_normal_gate = coverage.covered;
     coverage.measurement_points = planned_.points[measured];
     if (fresh_) coverage.fresh_covered = fresh_->covered[measured];
   };
-  return AsMeasured(oracle_->ExactCoverage(measurements), measurements, change);
+  return AsMeasured(gain_model_->ExactCoverage(measurements), measurements, change);
 }
 
-absl::StatusOr<MeasuredOracle::Counts> MeasuredOracle::Count(
+absl::StatusOr<MeasuredGainModel::Counts> MeasuredGainModel::Count(
     const MeasuredTargets& targets, std::span<const Measurement> scans) const {
   std::vector<Measurement> simulated;
   bool any_measured = false;
@@ -126,9 +127,9 @@ absl::StatusOr<MeasuredOracle::Counts> MeasuredOracle::Count(
   return counts;
 }
 
-absl::StatusOr<PlanScore> MeasuredOracle::ScorePlan(std::span<const Measurement> scans,
-                                                    bool thorough) {
-  if (!ScoresPlans()) return oracle_->ScorePlan(scans, thorough);
+absl::StatusOr<PlanScore> MeasuredGainModel::ScorePlan(std::span<const Measurement> scans,
+                                                       bool thorough) {
+  if (!ScoresPlans()) return gain_model_->ScorePlan(scans, thorough);
   PlanScore score;
   auto counts = Count(planned_, scans);
   if (!counts.ok()) return counts.status();
@@ -144,9 +145,9 @@ absl::StatusOr<PlanScore> MeasuredOracle::ScorePlan(std::span<const Measurement>
   return score;
 }
 
-absl::StatusOr<std::vector<PlanScore>> MeasuredOracle::ScoreGrowingPlan(
+absl::StatusOr<std::vector<PlanScore>> MeasuredGainModel::ScoreGrowingPlan(
     std::span<const Measurement> scans) {
-  if (!ScoresPlans()) return oracle_->ScoreGrowingPlan(scans);
+  if (!ScoresPlans()) return gain_model_->ScoreGrowingPlan(scans);
   std::vector<PlanScore> scores;
   for (size_t count = 1; count <= scans.size(); ++count) {
     auto counts = Count(planned_, scans.first(count));
@@ -159,7 +160,7 @@ absl::StatusOr<std::vector<PlanScore>> MeasuredOracle::ScoreGrowingPlan(
   return scores;
 }
 
-absl::StatusOr<PosteriorUncertainties> MeasuredOracle::Uncertainties(
+absl::StatusOr<PosteriorUncertainties> MeasuredGainModel::Uncertainties(
     std::span<const Measurement> scans) const {
   const size_t target_count = planned_.priors.size(), measured_count = scans_.size();
   std::vector<Measurement> simulated;

@@ -11,17 +11,18 @@
 #include "core/inspection/inspection.h"
 #include "core/random/random.h"
 #include "core/rig/scan_geometry.h"
-#include "planner_client/strategy/gain_oracle.h"
+#include "planner_client/strategy/gain_model.h"
 
 namespace sightline {
 
 // Coverage from a function of measurement and target number. Exact coverage may differ.
-class FunctionOracle : public GainOracle {
+class FunctionGainModel : public GainModel {
  public:
   using Covers = std::function<bool(const Measurement&, size_t)>;
   using Feasibility = std::function<ScanFeasibility(const Measurement&)>;
 
-  FunctionOracle(size_t targets, Covers covers) : covers_(std::move(covers)), measurable_(targets) {
+  FunctionGainModel(size_t targets, Covers covers)
+      : covers_(std::move(covers)), measurable_(targets) {
     exact_covers_ = covers_;
     for (size_t t = 0; t < targets; ++t) measurable_.Set(t);
   }
@@ -103,9 +104,9 @@ class FunctionOracle : public GainOracle {
 };
 
 // A gain with weights, which it remembers.
-class WeightedOracle final : public FunctionOracle {
+class WeightedGainModel final : public FunctionGainModel {
  public:
-  using FunctionOracle::FunctionOracle;
+  using FunctionGainModel::FunctionGainModel;
   absl::Status SetWeights(const GainWeights& weights) override {
     weights_ = weights;
     return absl::OkStatus();
@@ -118,10 +119,10 @@ class WeightedOracle final : public FunctionOracle {
 
 // Targets on a line from 0 to 1, one every hundredth. A scan at offset y brings a share of 0.4 to
 // those within 0.26 of y: any three scans satisfy a target. Exact scores are the same.
-class ShareOracle final : public GainOracle {
+class ShareGainModel final : public GainModel {
  public:
   static constexpr size_t kTargets = 101;
-  ShareOracle() : judged_(kTargets) {
+  ShareGainModel() : judged_(kTargets) {
     for (size_t t = 0; t < kTargets; ++t) judged_.Set(t);
   }
   const TargetBits& measurable() const override { return judged_; }
@@ -241,8 +242,8 @@ inline std::vector<double> GreedyTrapPositions() {
   return positions;
 }
 
-inline FunctionOracle GreedyTrapOracle() {
-  return FunctionOracle(60, [positions = GreedyTrapPositions()](const Measurement& m, size_t t) {
+inline FunctionGainModel GreedyTrapGainModel() {
+  return FunctionGainModel(60, [positions = GreedyTrapPositions()](const Measurement& m, size_t t) {
     return std::abs(positions[t] - m.offset_y_m) <= 0.25;
   });
 }
@@ -251,7 +252,7 @@ inline FunctionOracle GreedyTrapOracle() {
 // from within a narrow cone about the bore's axis. Camera and laser must both lie in a target's
 // cone at the moment it is lit, and the target in the camera's field of view. All nine parameters
 // matter.
-inline FunctionOracle CastingOracle(size_t targets, uint64_t seed) {
+inline FunctionGainModel CastingGainModel(size_t targets, uint64_t seed) {
   struct Target {
     Eigen::Vector3d position, axis;
     double cos_cone;
@@ -279,7 +280,7 @@ inline FunctionOracle CastingOracle(size_t targets, uint64_t seed) {
     const double cone_rad = bore ? 0.25 + 0.2 * random.Uniform() : 0.9 + 0.4 * random.Uniform();
     all.push_back({position, axis, std::cos(cone_rad)});
   }
-  FunctionOracle oracle(targets, [all](const Measurement& m, size_t t) {
+  FunctionGainModel gain_model(targets, [all](const Measurement& m, size_t t) {
     static const Rig rig;
     // The geometry is the same for all targets of a measurement.
     thread_local Measurement last{.camera_distance_m = -1};
@@ -304,11 +305,11 @@ inline FunctionOracle CastingOracle(size_t targets, uint64_t seed) {
            to_camera.norm() < rig.max_range_m;
   });
   // Camera and laser stay outside a ball about the part.
-  oracle.set_feasibility([](const Measurement& m) {
+  gain_model.set_feasibility([](const Measurement& m) {
     return m.camera_distance_m < 0.2 + 0.3 * std::abs(m.offset_z_m) ? ScanFeasibility::kCollision
                                                                     : ScanFeasibility::kFeasible;
   });
-  return oracle;
+  return gain_model;
 }
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "bench/common/scene_oracle.h"
+#include "bench/common/scene_gain_model.h"
 
 #include "bench/common/measure.h"
 
@@ -22,9 +22,9 @@ ScanFeasibility Convert(Feasibility feasibility) {
 
 }  // namespace
 
-std::vector<ScanGain> SceneOracle::GainsOf(std::span<const Measurement> measurements,
-                                           const TargetBits* covered,
-                                           std::span<const float> weights) {
+std::vector<ScanGain> SceneGainModel::GainsOf(std::span<const Measurement> measurements,
+                                              const TargetBits* covered,
+                                              std::span<const float> weights) {
   std::vector<FastGain> gains(measurements.size());
   scene_.EvaluateGains(measurements, covered, weights, gains, nullptr);
   evaluations_ += static_cast<int64_t>(measurements.size());
@@ -36,18 +36,18 @@ std::vector<ScanGain> SceneOracle::GainsOf(std::span<const Measurement> measurem
   return result;
 }
 
-absl::StatusOr<std::vector<ScanGain>> SceneOracle::Gains(std::span<const Measurement> measurements,
-                                                         std::span<const float> known) {
+absl::StatusOr<std::vector<ScanGain>> SceneGainModel::Gains(
+    std::span<const Measurement> measurements, std::span<const float> known) {
   const TargetBits covered = Settled(scene_.measurable(), known);
   return GainsOf(measurements, &covered, {});
 }
 
-absl::StatusOr<std::vector<ScanGain>> SceneOracle::WeightedGains(
+absl::StatusOr<std::vector<ScanGain>> SceneGainModel::WeightedGains(
     std::span<const Measurement> measurements, std::span<const float> weights) {
   return GainsOf(measurements, nullptr, weights);
 }
 
-absl::StatusOr<std::vector<ScanCoverage>> SceneOracle::FastCoverage(
+absl::StatusOr<std::vector<ScanCoverage>> SceneGainModel::FastCoverage(
     std::span<const Measurement> measurements) {
   std::vector<sightline::FastCoverage> fast(measurements.size());
   scene_.EvaluateFastCoverage(measurements, fast, nullptr);
@@ -61,7 +61,7 @@ absl::StatusOr<std::vector<ScanCoverage>> SceneOracle::FastCoverage(
   return result;
 }
 
-absl::StatusOr<std::vector<ScanCoverage>> SceneOracle::ExactCoverage(
+absl::StatusOr<std::vector<ScanCoverage>> SceneGainModel::ExactCoverage(
     std::span<const Measurement> measurements) {
   std::vector<ScanCoverage> result(measurements.size());
   ParallelFor(2, measurements.size(), [&](size_t i) {

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "core/registration/surface_deviation.h"
-#include "planner_client/plan_oracle/uncertainty_oracle.h"
-#include "planner_client/strategy/gain_oracle.h"
+#include "planner_client/gain_model/uncertainty_gain_model.h"
+#include "planner_client/strategy/gain_model.h"
 
 namespace sightline {
 
@@ -25,13 +25,13 @@ struct MeasuredTargets {
   PointUncertainties uncertainties;
 };
 
-class MeasuredOracle final : public GainOracle {
+class MeasuredGainModel final : public GainModel {
  public:
   // `scans`: those measured, as plans name them. `planned`, `fresh`: the information of their
-  // points about the targets of `oracle`; fresh: unset if that has no validation targets.
-  MeasuredOracle(std::unique_ptr<GainOracle> oracle, std::vector<Measurement> scans,
-                 MeasuredTargets planned, std::optional<MeasuredTargets> fresh,
-                 double relaxed_uncertainty_m);
+  // points about the targets of `gain model`; fresh: unset if that has no validation targets.
+  MeasuredGainModel(std::unique_ptr<GainModel> gain_model, std::vector<Measurement> scans,
+                    MeasuredTargets planned, std::optional<MeasuredTargets> fresh,
+                    double relaxed_uncertainty_m);
 
   // Measured scans satisfy targets by their points; they are feasible, since they have been made.
   absl::StatusOr<std::vector<ScanCoverage>> FastCoverage(
@@ -50,22 +50,22 @@ class MeasuredOracle final : public GainOracle {
   // for uncertainty.
   absl::StatusOr<PosteriorUncertainties> Uncertainties(std::span<const Measurement> scans) const;
 
-  const TargetBits& measurable() const override { return oracle_->measurable(); }
-  const TargetBits& fresh_measurable() const override { return oracle_->fresh_measurable(); }
+  const TargetBits& measurable() const override { return gain_model_->measurable(); }
+  const TargetBits& fresh_measurable() const override { return gain_model_->fresh_measurable(); }
   absl::StatusOr<std::vector<ScanGain>> Gains(std::span<const Measurement> measurements,
                                               std::span<const float> known) override {
-    return oracle_->Gains(measurements, known);
+    return gain_model_->Gains(measurements, known);
   }
   absl::StatusOr<std::vector<ScanGain>> WeightedGains(std::span<const Measurement> measurements,
                                                       std::span<const float> weights) override {
-    return oracle_->WeightedGains(measurements, weights);
+    return gain_model_->WeightedGains(measurements, weights);
   }
-  int64_t evaluations() const override { return oracle_->evaluations(); }
+  int64_t evaluations() const override { return gain_model_->evaluations(); }
   absl::Status SetWeights(const GainWeights& weights) override {
-    return oracle_->SetWeights(weights);
+    return gain_model_->SetWeights(weights);
   }
-  std::vector<ShareStep> steps() const override { return oracle_->steps(); }
-  bool ScoresPlans() const override { return oracle_->ScoresPlans(); }
+  std::vector<ShareStep> steps() const override { return gain_model_->steps(); }
+  bool ScoresPlans() const override { return gain_model_->ScoresPlans(); }
 
  private:
   // Index of the measured scan that a measurement is.
@@ -82,7 +82,7 @@ class MeasuredOracle final : public GainOracle {
   absl::StatusOr<Counts> Count(const MeasuredTargets& targets,
                                std::span<const Measurement> scans) const;
 
-  std::unique_ptr<GainOracle> oracle_;
+  std::unique_ptr<GainModel> gain_model_;
   std::vector<Measurement> scans_;
   MeasuredTargets planned_;
   std::optional<MeasuredTargets> fresh_;

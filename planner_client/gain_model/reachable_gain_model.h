@@ -14,17 +14,17 @@
 #include <vector>
 
 #include "planner_client/robot/robot_cell.h"
-#include "planner_client/strategy/gain_oracle.h"
+#include "planner_client/strategy/gain_model.h"
 
 namespace sightline {
 
-class ReachableOracle final : public GainOracle {
+class ReachableGainModel final : public GainModel {
  public:
   // `travel_of` says between which stage positions a scan is expected to measure; where its frames
   // are known they count too.
-  ReachableOracle(std::unique_ptr<GainOracle> oracle, std::shared_ptr<const RobotCell> cell,
-                  std::function<ScanTravel(const Measurement&)> travel_of, double scan_step_m)
-      : oracle_(std::move(oracle)),
+  ReachableGainModel(std::unique_ptr<GainModel> gain_model, std::shared_ptr<const RobotCell> cell,
+                     std::function<ScanTravel(const Measurement&)> travel_of, double scan_step_m)
+      : gain_model_(std::move(gain_model)),
         cell_(std::move(cell)),
         travel_of_(std::move(travel_of)),
         scan_step_m_(scan_step_m) {}
@@ -32,8 +32,8 @@ class ReachableOracle final : public GainOracle {
   // Scans that are kept as they are, reached or not.
   void Keep(std::span<const Measurement> scans);
 
-  const TargetBits& measurable() const override { return oracle_->measurable(); }
-  const TargetBits& fresh_measurable() const override { return oracle_->fresh_measurable(); }
+  const TargetBits& measurable() const override { return gain_model_->measurable(); }
+  const TargetBits& fresh_measurable() const override { return gain_model_->fresh_measurable(); }
   absl::StatusOr<std::vector<ScanGain>> Gains(std::span<const Measurement> measurements,
                                               std::span<const float> known) override;
   absl::StatusOr<std::vector<ScanGain>> WeightedGains(std::span<const Measurement> measurements,
@@ -43,19 +43,19 @@ class ReachableOracle final : public GainOracle {
   absl::StatusOr<std::vector<ScanCoverage>> ExactCoverage(
       std::span<const Measurement> measurements) override;
   // The count includes scans that the robot does not reach.
-  int64_t evaluations() const override { return oracle_->evaluations() + unreached_; }
+  int64_t evaluations() const override { return gain_model_->evaluations() + unreached_; }
 
   absl::Status SetWeights(const GainWeights& weights) override {
-    return oracle_->SetWeights(weights);
+    return gain_model_->SetWeights(weights);
   }
-  std::vector<ShareStep> steps() const override { return oracle_->steps(); }
-  bool ScoresPlans() const override { return oracle_->ScoresPlans(); }
+  std::vector<ShareStep> steps() const override { return gain_model_->steps(); }
+  bool ScoresPlans() const override { return gain_model_->ScoresPlans(); }
   absl::StatusOr<PlanScore> ScorePlan(std::span<const Measurement> scans, bool thorough) override {
-    return oracle_->ScorePlan(scans, thorough);
+    return gain_model_->ScorePlan(scans, thorough);
   }
   absl::StatusOr<std::vector<PlanScore>> ScoreGrowingPlan(
       std::span<const Measurement> scans) override {
-    return oracle_->ScoreGrowingPlan(scans);
+    return gain_model_->ScoreGrowingPlan(scans);
   }
 
  private:
@@ -70,7 +70,7 @@ class ReachableOracle final : public GainOracle {
                                                 const std::function<Answer()>& unreached);
   ScanCoverage Unreached() const;
 
-  const std::unique_ptr<GainOracle> oracle_;
+  const std::unique_ptr<GainModel> gain_model_;
   const std::shared_ptr<const RobotCell> cell_;
   const std::function<ScanTravel(const Measurement&)> travel_of_;
   const double scan_step_m_;

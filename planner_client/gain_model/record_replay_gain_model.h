@@ -17,11 +17,11 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "planner_client/strategy/gain_oracle.h"
+#include "planner_client/strategy/gain_model.h"
 
 namespace sightline {
 
-class JournalledOracle final : public GainOracle {
+class RecordReplayGainModel final : public GainModel {
  public:
   // Takes a sentence about the file that people should know.
   using Remark = std::function<void(const std::string&)>;
@@ -30,19 +30,18 @@ class JournalledOracle final : public GainOracle {
   // of another fingerprint is written anew. An answer that is damaged, was not written whole or is
   // to another query is asked again, and so are those behind it. `remark`, which may be empty,
   // hears of all of that. INTERNAL: the file cannot be opened for writing.
-  static absl::StatusOr<std::unique_ptr<JournalledOracle>> Open(std::unique_ptr<GainOracle> oracle,
-                                                                const std::string& file,
-                                                                const std::string& fingerprint,
-                                                                Remark remark = {});
+  static absl::StatusOr<std::unique_ptr<RecordReplayGainModel>> Open(
+      std::unique_ptr<GainModel> gain_model, const std::string& file,
+      const std::string& fingerprint, Remark remark = {});
 
   // Gives back the gain model that it was opened with, after which it answers nothing any more.
-  std::unique_ptr<GainOracle> Release() { return std::move(oracle_); }
+  std::unique_ptr<GainModel> Release() { return std::move(gain_model_); }
 
   // Queries answered from the file so far.
   int64_t replayed_queries() const { return replayed_queries_; }
 
-  const TargetBits& measurable() const override { return oracle_->measurable(); }
-  const TargetBits& fresh_measurable() const override { return oracle_->fresh_measurable(); }
+  const TargetBits& measurable() const override { return gain_model_->measurable(); }
+  const TargetBits& fresh_measurable() const override { return gain_model_->fresh_measurable(); }
   absl::StatusOr<std::vector<ScanGain>> Gains(std::span<const Measurement> measurements,
                                               std::span<const float> known) override;
   absl::StatusOr<std::vector<ScanGain>> WeightedGains(std::span<const Measurement> measurements,
@@ -55,15 +54,15 @@ class JournalledOracle final : public GainOracle {
   // every answer, so that plans with and without a journal are equal.
   int64_t evaluations() const override { return evaluations_; }
 
-  std::vector<ShareStep> steps() const override { return oracle_->steps(); }
-  bool ScoresPlans() const override { return oracle_->ScoresPlans(); }
+  std::vector<ShareStep> steps() const override { return gain_model_->steps(); }
+  bool ScoresPlans() const override { return gain_model_->ScoresPlans(); }
   absl::StatusOr<PlanScore> ScorePlan(std::span<const Measurement> scans, bool thorough) override;
   absl::StatusOr<std::vector<PlanScore>> ScoreGrowingPlan(
       std::span<const Measurement> scans) override;
 
  private:
-  JournalledOracle(std::unique_ptr<GainOracle> oracle, std::string file, Remark remark)
-      : oracle_(std::move(oracle)), file_(std::move(file)), remark_(std::move(remark)) {}
+  RecordReplayGainModel(std::unique_ptr<GainModel> gain_model, std::string file, Remark remark)
+      : gain_model_(std::move(gain_model)), file_(std::move(file)), remark_(std::move(remark)) {}
 
   // The next answer of the file if it is to this query and whole; ends the replay if it is not.
   bool NextAnswer(uint64_t query, std::string* answer);
@@ -74,7 +73,7 @@ class JournalledOracle final : public GainOracle {
   absl::StatusOr<Answer> AnswerTo(uint64_t query,
                                   const std::function<absl::StatusOr<Answer>()>& ask);
 
-  std::unique_ptr<GainOracle> oracle_;
+  std::unique_ptr<GainModel> gain_model_;
   const std::string file_;
   const Remark remark_;
   std::ifstream replay_;

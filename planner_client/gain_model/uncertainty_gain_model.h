@@ -29,15 +29,15 @@ JudgedTargets JudgeTargets(const CoverageClient& client, const UncertaintyModel&
                            std::vector<float> admissible_uncertainty_m,
                            double relaxed_uncertainty_m);
 
-class UncertaintyOracle final : public GainOracle {
+class UncertaintyGainModel final : public GainModel {
  public:
   struct Sampling {
     CoverageClient* client;
     JudgedTargets targets;
   };
   // `fresh.client` may be null. Clients must outlive the gain model.
-  UncertaintyOracle(Sampling planned, Sampling fresh, const UncertaintyModel& model,
-                    const GainWeights& weights, double relaxed_uncertainty_m);
+  UncertaintyGainModel(Sampling planned, Sampling fresh, const UncertaintyModel& model,
+                       const GainWeights& weights, double relaxed_uncertainty_m);
 
   absl::Status SetWeights(const GainWeights& weights) override {
     query_.weights = weights;

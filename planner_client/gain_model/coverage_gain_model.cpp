@@ -1,28 +1,28 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "planner_client/plan_oracle/coverage_oracle.h"
+#include "planner_client/gain_model/coverage_gain_model.h"
 
 namespace sightline {
 
-const TargetBits& CoverageOracle::fresh_measurable() const {
-  return fresh_ != nullptr ? fresh_->measurable() : GainOracle::fresh_measurable();
+const TargetBits& CoverageGainModel::fresh_measurable() const {
+  return fresh_ != nullptr ? fresh_->measurable() : GainModel::fresh_measurable();
 }
 
-absl::StatusOr<std::vector<ScanGain>> CoverageOracle::Gains(
+absl::StatusOr<std::vector<ScanGain>> CoverageGainModel::Gains(
     std::span<const Measurement> measurements, std::span<const float> known) {
   return client_.Gains(measurements, known);
 }
 
-absl::StatusOr<std::vector<ScanGain>> CoverageOracle::WeightedGains(
+absl::StatusOr<std::vector<ScanGain>> CoverageGainModel::WeightedGains(
     std::span<const Measurement> measurements, std::span<const float> weights) {
   return client_.WeightedGains(measurements, weights);
 }
 
-absl::StatusOr<std::vector<ScanCoverage>> CoverageOracle::FastCoverage(
+absl::StatusOr<std::vector<ScanCoverage>> CoverageGainModel::FastCoverage(
     std::span<const Measurement> measurements) {
   return client_.FastCoverage(measurements);
 }
 
-absl::StatusOr<std::vector<ScanCoverage>> CoverageOracle::ExactCoverage(
+absl::StatusOr<std::vector<ScanCoverage>> CoverageGainModel::ExactCoverage(
     std::span<const Measurement> measurements) {
   auto coverages = client_.ExactCoverage(measurements);
   if (!coverages.ok() || fresh_ == nullptr) return coverages;

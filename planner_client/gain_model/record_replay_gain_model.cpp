@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "planner_client/plan_oracle/journalled_oracle.h"
+#include "planner_client/gain_model/record_replay_gain_model.h"
 
 #include <cstring>
 #include <filesystem>
@@ -203,11 +203,11 @@ struct AnswerHeader {
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<JournalledOracle>> JournalledOracle::Open(
-    std::unique_ptr<GainOracle> oracle, const std::string& file, const std::string& fingerprint,
+absl::StatusOr<std::unique_ptr<RecordReplayGainModel>> RecordReplayGainModel::Open(
+    std::unique_ptr<GainModel> gain_model, const std::string& file, const std::string& fingerprint,
     Remark remark) {
-  auto journal = std::unique_ptr<JournalledOracle>(
-      new JournalledOracle(std::move(oracle), file, std::move(remark)));
+  auto journal = std::unique_ptr<RecordReplayGainModel>(
+      new RecordReplayGainModel(std::move(gain_model), file, std::move(remark)));
   const std::string start = absl::StrCat(kFileType, fingerprint, "\n");
   std::error_code error;
   const auto size = std::filesystem::file_size(file, error);
@@ -240,7 +240,7 @@ absl::StatusOr<std::unique_ptr<JournalledOracle>> JournalledOracle::Open(
   return journal;
 }
 
-void JournalledOracle::EndReplay(const std::string& why) {
+void RecordReplayGainModel::EndReplay(const std::string& why) {
   replaying_ = false;
   replay_.close();
   if (remark_ && !why.empty()) {
@@ -252,7 +252,7 @@ void JournalledOracle::EndReplay(const std::string& why) {
   append_.open(file_, std::ios::binary | std::ios::app);
 }
 
-bool JournalledOracle::NextAnswer(uint64_t query, std::string* answer) {
+bool RecordReplayGainModel::NextAnswer(uint64_t query, std::string* answer) {
   if (!replaying_) return false;
   if (size_bytes_ == replay_end_) {
     EndReplay("");
@@ -274,7 +274,7 @@ bool JournalledOracle::NextAnswer(uint64_t query, std::string* answer) {
   return true;
 }
 
-void JournalledOracle::Append(uint64_t query, const std::string& answer) {
+void RecordReplayGainModel::Append(uint64_t query, const std::string& answer) {
   // A disk that is full costs the journal, not the plan.
   if (!append_ || size_bytes_ > kMaxJournalBytes || answer.size() > kMaxAnswerBytes) return;
   const AnswerHeader header{query, Digest(answer), static_cast<uint32_t>(answer.size()), 0};
@@ -285,7 +285,7 @@ void JournalledOracle::Append(uint64_t query, const std::string& answer) {
 }
 
 template <typename Answer>
-absl::StatusOr<Answer> JournalledOracle::AnswerTo(
+absl::StatusOr<Answer> RecordReplayGainModel::AnswerTo(
     uint64_t query, const std::function<absl::StatusOr<Answer>()>& ask) {
   std::string bytes;
   if (NextAnswer(query, &bytes)) {
@@ -301,9 +301,9 @@ absl::StatusOr<Answer> JournalledOracle::AnswerTo(
     }
     EndReplay("is damaged");
   }
-  const int64_t before = oracle_->evaluations();
+  const int64_t before = gain_model_->evaluations();
   absl::StatusOr<Answer> answer = ask();
-  const int64_t counted = oracle_->evaluations() - before;
+  const int64_t counted = gain_model_->evaluations() - before;
   evaluations_ += counted;
   if (!answer.ok()) return answer;
   Writer out;
@@ -313,43 +313,45 @@ absl::StatusOr<Answer> JournalledOracle::AnswerTo(
   return answer;
 }
 
-absl::StatusOr<std::vector<ScanGain>> JournalledOracle::Gains(
+absl::StatusOr<std::vector<ScanGain>> RecordReplayGainModel::Gains(
     std::span<const Measurement> measurements, std::span<const float> known) {
   return AnswerTo<std::vector<ScanGain>>(QueryDigest(QueryKind::kGains, measurements, known),
-                                         [&] { return oracle_->Gains(measurements, known); });
+                                         [&] { return gain_model_->Gains(measurements, known); });
 }
 
-absl::StatusOr<std::vector<ScanGain>> JournalledOracle::WeightedGains(
+absl::StatusOr<std::vector<ScanGain>> RecordReplayGainModel::WeightedGains(
     std::span<const Measurement> measurements, std::span<const float> weights) {
   return AnswerTo<std::vector<ScanGain>>(
       QueryDigest(QueryKind::kWeightedGains, measurements, weights),
-      [&] { return oracle_->WeightedGains(measurements, weights); });
+      [&] { return gain_model_->WeightedGains(measurements, weights); });
 }
 
-absl::StatusOr<std::vector<ScanCoverage>> JournalledOracle::FastCoverage(
+absl::StatusOr<std::vector<ScanCoverage>> RecordReplayGainModel::FastCoverage(
     std::span<const Measurement> measurements) {
-  return AnswerTo<std::vector<ScanCoverage>>(QueryDigest(QueryKind::kFastCoverage, measurements),
-                                             [&] { return oracle_->FastCoverage(measurements); });
+  return AnswerTo<std::vector<ScanCoverage>>(
+      QueryDigest(QueryKind::kFastCoverage, measurements),
+      [&] { return gain_model_->FastCoverage(measurements); });
 }
 
-absl::StatusOr<std::vector<ScanCoverage>> JournalledOracle::ExactCoverage(
+absl::StatusOr<std::vector<ScanCoverage>> RecordReplayGainModel::ExactCoverage(
     std::span<const Measurement> measurements) {
-  return AnswerTo<std::vector<ScanCoverage>>(QueryDigest(QueryKind::kExactCoverage, measurements),
-                                             [&] { return oracle_->ExactCoverage(measurements); });
+  return AnswerTo<std::vector<ScanCoverage>>(
+      QueryDigest(QueryKind::kExactCoverage, measurements),
+      [&] { return gain_model_->ExactCoverage(measurements); });
 }
 
-absl::StatusOr<PlanScore> JournalledOracle::ScorePlan(std::span<const Measurement> scans,
-                                                      bool thorough) {
+absl::StatusOr<PlanScore> RecordReplayGainModel::ScorePlan(std::span<const Measurement> scans,
+                                                           bool thorough) {
   const float flag = thorough ? 1.0f : 0.0f;
   return AnswerTo<PlanScore>(
       QueryDigest(QueryKind::kPlanScore, scans, std::span<const float>(&flag, 1)),
-      [&] { return oracle_->ScorePlan(scans, thorough); });
+      [&] { return gain_model_->ScorePlan(scans, thorough); });
 }
 
-absl::StatusOr<std::vector<PlanScore>> JournalledOracle::ScoreGrowingPlan(
+absl::StatusOr<std::vector<PlanScore>> RecordReplayGainModel::ScoreGrowingPlan(
     std::span<const Measurement> scans) {
   return AnswerTo<std::vector<PlanScore>>(QueryDigest(QueryKind::kGrowingPlanScore, scans),
-                                          [&] { return oracle_->ScoreGrowingPlan(scans); });
+                                          [&] { return gain_model_->ScoreGrowingPlan(scans); });
 }
 
 }  // namespace sightline

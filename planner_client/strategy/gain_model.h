@@ -63,9 +63,9 @@ struct PlanScore {
   }
 };
 
-class GainOracle {
+class GainModel {
  public:
-  virtual ~GainOracle() = default;
+  virtual ~GainModel() = default;
   // Targets that plans are to satisfy.
   virtual const TargetBits& measurable() const = 0;
   // Validation targets that plans are scored on too; empty: none.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "planner_client/plan_oracle/uncertainty_oracle.h"
+#include "planner_client/gain_model/uncertainty_gain_model.h"
 
 #include <algorithm>
 #include <cmath>
@@ -61,15 +61,15 @@ JudgedTargets JudgeTargets(const CoverageClient& client, const UncertaintyModel&
   return targets;
 }
 
-UncertaintyOracle::UncertaintyOracle(Sampling planned, Sampling fresh,
-                                     const UncertaintyModel& model, const GainWeights& weights,
-                                     double relaxed_uncertainty_m)
+UncertaintyGainModel::UncertaintyGainModel(Sampling planned, Sampling fresh,
+                                           const UncertaintyModel& model,
+                                           const GainWeights& weights, double relaxed_uncertainty_m)
     : planned_(std::move(planned)),
       fresh_(std::move(fresh)),
       query_{weights, planned_.targets.admissible_uncertainty_m, relaxed_uncertainty_m, {}},
       prior_standard_deviation_m_(model.prior_standard_deviation_m) {}
 
-absl::StatusOr<std::vector<ScanGain>> UncertaintyOracle::Gains(
+absl::StatusOr<std::vector<ScanGain>> UncertaintyGainModel::Gains(
     std::span<const Measurement> measurements, std::span<const float> known) {
   std::vector<float> density(known.size(), 0);
   for (size_t t = 0; t < known.size(); ++t) {
@@ -86,12 +86,12 @@ absl::StatusOr<std::vector<ScanGain>> UncertaintyOracle::Gains(
   return planned_.client->UncertaintyGains(measurements, query, density, {});
 }
 
-absl::StatusOr<std::vector<ScanGain>> UncertaintyOracle::WeightedGains(
+absl::StatusOr<std::vector<ScanGain>> UncertaintyGainModel::WeightedGains(
     std::span<const Measurement> measurements, std::span<const float> weights) {
   return planned_.client->UncertaintyGains(measurements, query_, {}, weights);
 }
 
-absl::StatusOr<std::vector<ScanCoverage>> UncertaintyOracle::FastCoverage(
+absl::StatusOr<std::vector<ScanCoverage>> UncertaintyGainModel::FastCoverage(
     std::span<const Measurement> measurements) {
   auto information = planned_.client->FastInformation(measurements);
   if (!information.ok()) return information.status();
@@ -111,12 +111,12 @@ absl::StatusOr<std::vector<ScanCoverage>> UncertaintyOracle::FastCoverage(
   return result;
 }
 
-absl::StatusOr<std::vector<ScanCoverage>> UncertaintyOracle::ExactCoverage(
+absl::StatusOr<std::vector<ScanCoverage>> UncertaintyGainModel::ExactCoverage(
     std::span<const Measurement> measurements) {
   return planned_.client->ExactCoverage(measurements);
 }
 
-std::vector<ShareStep> UncertaintyOracle::steps() const {
+std::vector<ShareStep> UncertaintyGainModel::steps() const {
   const GainWeights& w = query_.weights;
   std::vector<ShareStep> steps;
   // Weight of the step that satisfies a target: admissibility and the last step of information.
@@ -164,7 +164,7 @@ std::vector<ShareStep> UncertaintyOracle::steps() const {
   return steps;
 }
 
-absl::StatusOr<UncertaintyOracle::Counts> UncertaintyOracle::Count(
+absl::StatusOr<UncertaintyGainModel::Counts> UncertaintyGainModel::Count(
     const Sampling& sampling, std::span<const Measurement> scans, bool thorough) const {
   std::vector<uint32_t> judged = FullShares(sampling.targets.judged).targets;
   Counts counts;
@@ -213,8 +213,8 @@ absl::StatusOr<UncertaintyOracle::Counts> UncertaintyOracle::Count(
   return counts;
 }
 
-absl::StatusOr<PlanScore> UncertaintyOracle::ScorePlan(std::span<const Measurement> scans,
-                                                       bool thorough) {
+absl::StatusOr<PlanScore> UncertaintyGainModel::ScorePlan(std::span<const Measurement> scans,
+                                                          bool thorough) {
   PlanScore score;
   auto counts = Count(planned_, scans, thorough);
   if (!counts.ok()) return counts.status();
@@ -230,7 +230,7 @@ absl::StatusOr<PlanScore> UncertaintyOracle::ScorePlan(std::span<const Measureme
   return score;
 }
 
-absl::StatusOr<std::vector<PlanScore>> UncertaintyOracle::ScoreGrowingPlan(
+absl::StatusOr<std::vector<PlanScore>> UncertaintyGainModel::ScoreGrowingPlan(
     std::span<const Measurement> scans) {
   const std::vector<uint32_t> judged = FullShares(planned_.targets.judged).targets;
   std::vector<PlanScore> scores(scans.size());

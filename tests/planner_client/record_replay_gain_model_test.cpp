@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Planning that is broken off and run again with its journal makes the plan of an unbroken run.
-#include "planner_client/plan_oracle/journalled_oracle.h"
+#include "planner_client/gain_model/record_replay_gain_model.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "planner_client/strategy/planner.h"
-#include "tests/planner_client/analytic_oracle.h"
+#include "tests/planner_client/analytic_gain_model.h"
 
 namespace sightline {
 namespace {
@@ -32,7 +32,7 @@ bool Covers(const Measurement& scan, size_t target) {
   return std::cos(scan.camera_azimuth_rad - azimuth) > 0.8;
 }
 
-class JournalledOracleTest : public testing::Test {
+class RecordReplayGainModelTest : public testing::Test {
  protected:
   void SetUp() override {
     file_ = (fs::temp_directory_path() /
@@ -62,17 +62,17 @@ class JournalledOracleTest : public testing::Test {
   };
   // Stops after so many queries of gains; 0: runs to the end.
   Run Plan(int stop_after_queries, const std::string& fingerprint = "part 1") {
-    auto owned = std::make_unique<FunctionOracle>(kTargets, Covers);
-    FunctionOracle& oracle = *owned;
+    auto owned = std::make_unique<FunctionGainModel>(kTargets, Covers);
+    FunctionGainModel& gain_model = *owned;
     std::atomic<bool> interrupted = false;
     int queries = 0;
-    oracle.set_on_query([&] {
+    gain_model.set_on_query([&] {
       if (stop_after_queries > 0 && ++queries >= stop_after_queries) interrupted = true;
     });
     Run run;
     auto journal =
-        JournalledOracle::Open(std::move(owned), file_, fingerprint,
-                               [&](const std::string& text) { run.remarks.push_back(text); });
+        RecordReplayGainModel::Open(std::move(owned), file_, fingerprint,
+                                    [&](const std::string& text) { run.remarks.push_back(text); });
     EXPECT_TRUE(journal.ok()) << journal.status();
     PlannerRequest request = Request();
     request.interrupted = &interrupted;
@@ -80,7 +80,7 @@ class JournalledOracleTest : public testing::Test {
     EXPECT_TRUE(plan.ok()) << plan.status();
     for (const ChosenScan& scan : plan->scans) run.scans.push_back(ToArray(scan.measurement));
     run.evaluations = plan->evaluations;
-    run.asked = oracle.evaluations();
+    run.asked = gain_model.evaluations();
     run.replayed = (*journal)->replayed_queries();
     return run;
   }
@@ -88,9 +88,9 @@ class JournalledOracleTest : public testing::Test {
   std::string file_;
 };
 
-TEST_F(JournalledOracleTest, GoesOnWhereItWasBrokenOff) {
-  FunctionOracle oracle(kTargets, Covers);
-  auto whole = MakePlan(oracle, Request());
+TEST_F(RecordReplayGainModelTest, GoesOnWhereItWasBrokenOff) {
+  FunctionGainModel gain_model(kTargets, Covers);
+  auto whole = MakePlan(gain_model, Request());
   ASSERT_TRUE(whole.ok()) << whole.status();
   ASSERT_GT(whole->scans.size(), 2u);
   Plan(5);
@@ -105,7 +105,7 @@ TEST_F(JournalledOracleTest, GoesOnWhereItWasBrokenOff) {
   EXPECT_LT(last.asked, whole->evaluations);
 }
 
-TEST_F(JournalledOracleTest, AFinishedRunAsksNothingAgain) {
+TEST_F(RecordReplayGainModelTest, AFinishedRunAsksNothingAgain) {
   const Run first = Plan(0);
   const Run again = Plan(0);
   EXPECT_EQ(again.scans, first.scans);
@@ -114,7 +114,7 @@ TEST_F(JournalledOracleTest, AFinishedRunAsksNothingAgain) {
 }
 
 // A process that is killed while it writes leaves a piece of an answer.
-TEST_F(JournalledOracleTest, AnAnswerCutAnywhereIsAskedAgain) {
+TEST_F(RecordReplayGainModelTest, AnAnswerCutAnywhereIsAskedAgain) {
   const Run first = Plan(0);
   const auto size = static_cast<int64_t>(fs::file_size(file_));
   for (const int64_t cut : {int64_t{1}, int64_t{15}, int64_t{100}, size / 2, size - 22}) {
@@ -125,7 +125,7 @@ TEST_F(JournalledOracleTest, AnAnswerCutAnywhereIsAskedAgain) {
   }
 }
 
-TEST_F(JournalledOracleTest, ADamagedAnswerIsAskedAgain) {
+TEST_F(RecordReplayGainModelTest, ADamagedAnswerIsAskedAgain) {
   const Run first = Plan(0);
   const auto size = static_cast<std::streamoff>(fs::file_size(file_));
   {
@@ -147,13 +147,13 @@ TEST_F(JournalledOracleTest, ADamagedAnswerIsAskedAgain) {
 
 // The count that a gain model keeps is its own: some queries cost nothing, others more than a scan
 // each.
-class CountingOracle final : public FunctionOracle {
+class CountingGainModel final : public FunctionGainModel {
  public:
-  CountingOracle() : FunctionOracle(kTargets, sightline::Covers) {}
+  CountingGainModel() : FunctionGainModel(kTargets, sightline::Covers) {}
   absl::StatusOr<std::vector<ScanGain>> Gains(std::span<const Measurement> measurements,
                                               std::span<const float> known) override {
     gains_ += 7;
-    return FunctionOracle::Gains(measurements, known);
+    return FunctionGainModel::Gains(measurements, known);
   }
   int64_t evaluations() const override { return gains_; }
 
@@ -161,27 +161,28 @@ class CountingOracle final : public FunctionOracle {
   int64_t gains_ = 0;
 };
 
-TEST_F(JournalledOracleTest, CountsAsTheOracleAloneWouldHaveCounted) {
-  CountingOracle alone;
-  const auto count = [](GainOracle& oracle) {
+TEST_F(RecordReplayGainModelTest, CountsAsTheGainModelAloneWouldHaveCounted) {
+  CountingGainModel alone;
+  const auto count = [](GainModel& gain_model) {
     const std::vector<Measurement> scans(3);
     const std::vector<float> known(kTargets, 0.0f);
-    EXPECT_TRUE(oracle.Gains(scans, known).ok());
-    EXPECT_TRUE(oracle.FastCoverage(scans).ok());
-    EXPECT_TRUE(oracle.Gains(scans, known).ok());
-    return oracle.evaluations();
+    EXPECT_TRUE(gain_model.Gains(scans, known).ok());
+    EXPECT_TRUE(gain_model.FastCoverage(scans).ok());
+    EXPECT_TRUE(gain_model.Gains(scans, known).ok());
+    return gain_model.evaluations();
   };
   const int64_t expected = count(alone);
   EXPECT_EQ(expected, 14);
   for (const bool replayed : {false, true}) {
-    auto journal = JournalledOracle::Open(std::make_unique<CountingOracle>(), file_, "part 1");
+    auto journal =
+        RecordReplayGainModel::Open(std::make_unique<CountingGainModel>(), file_, "part 1");
     ASSERT_TRUE(journal.ok()) << journal.status();
     EXPECT_EQ(count(**journal), expected) << replayed;
     EXPECT_EQ((*journal)->replayed_queries(), replayed ? 3 : 0);
   }
 }
 
-TEST_F(JournalledOracleTest, AnswersOfAnotherPartAreNotUsed) {
+TEST_F(RecordReplayGainModelTest, AnswersOfAnotherPartAreNotUsed) {
   const Run first = Plan(0);
   const Run other = Plan(0, "part 2");
   EXPECT_EQ(other.replayed, 0);
@@ -191,18 +192,19 @@ TEST_F(JournalledOracleTest, AnswersOfAnotherPartAreNotUsed) {
 }
 
 // For the journal of another search.
-TEST_F(JournalledOracleTest, GivesItsOracleBack) {
-  auto owned = std::make_unique<FunctionOracle>(kTargets, Covers);
-  const GainOracle* oracle = owned.get();
-  auto journal = JournalledOracle::Open(std::move(owned), file_, "part 1");
+TEST_F(RecordReplayGainModelTest, GivesItsGainModelBack) {
+  auto owned = std::make_unique<FunctionGainModel>(kTargets, Covers);
+  const GainModel* gain_model = owned.get();
+  auto journal = RecordReplayGainModel::Open(std::move(owned), file_, "part 1");
   ASSERT_TRUE(journal.ok()) << journal.status();
-  const std::unique_ptr<GainOracle> back = (*journal)->Release();
-  EXPECT_EQ(back.get(), oracle);
+  const std::unique_ptr<GainModel> back = (*journal)->Release();
+  EXPECT_EQ(back.get(), gain_model);
 }
 
-TEST_F(JournalledOracleTest, SaysWhenItCannotWrite) {
-  auto oracle = std::make_unique<FunctionOracle>(kTargets, Covers);
-  EXPECT_FALSE(JournalledOracle::Open(std::move(oracle), "/no/such/folder/journal", "x").ok());
+TEST_F(RecordReplayGainModelTest, SaysWhenItCannotWrite) {
+  auto gain_model = std::make_unique<FunctionGainModel>(kTargets, Covers);
+  EXPECT_FALSE(
+      RecordReplayGainModel::Open(std::move(gain_model), "/no/such/folder/journal", "x").ok());
 }
 
 }  // namespace

@@ -3,13 +3,13 @@
 #pragma once
 
 #include "coverage_server/scene/coverage_scene.h"
-#include "planner_client/strategy/gain_oracle.h"
+#include "planner_client/strategy/gain_model.h"
 
 namespace sightline::bench {
 
-class SceneOracle final : public GainOracle {
+class SceneGainModel final : public GainModel {
  public:
-  explicit SceneOracle(const CoverageScene& scene) : scene_(scene) {}
+  explicit SceneGainModel(const CoverageScene& scene) : scene_(scene) {}
 
   const TargetBits& measurable() const override { return scene_.measurable(); }
   absl::StatusOr<std::vector<ScanGain>> Gains(std::span<const Measurement> measurements,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "planner_client/plan_oracle/reachable_oracle.h"
+#include "planner_client/gain_model/reachable_gain_model.h"
 
 #include <gtest/gtest.h>
 
@@ -7,17 +7,17 @@
 #include <vector>
 
 #include "planner_client/strategy/planner.h"
-#include "tests/planner_client/analytic_oracle.h"
+#include "tests/planner_client/analytic_gain_model.h"
 #include "tests/planner_client/robot/cell_fixture.h"
 
 namespace sightline {
 namespace {
 
-class ReachableOracleTest : public CellTest {
+class ReachableGainModelTest : public CellTest {
  protected:
   // Target t is covered by scans from its sixteenth of the azimuths.
-  static std::unique_ptr<FunctionOracle> Azimuths() {
-    return std::make_unique<FunctionOracle>(16, [](const Measurement& m, size_t t) {
+  static std::unique_ptr<FunctionGainModel> Azimuths() {
+    return std::make_unique<FunctionGainModel>(16, [](const Measurement& m, size_t t) {
       return static_cast<size_t>(m.camera_azimuth_rad / (2 * kPi) * 16) == t;
     });
   }
@@ -45,16 +45,16 @@ class ReachableOracleTest : public CellTest {
   }
 };
 
-TEST_F(ReachableOracleTest, AsksOnlyForWhatIsReached) {
+TEST_F(ReachableGainModelTest, AsksOnlyForWhatIsReached) {
   const auto cell = OneSidedCell();
   ASSERT_NE(cell, nullptr);
   auto inner = Azimuths();
-  FunctionOracle* asked = inner.get();
-  ReachableOracle oracle(std::move(inner), cell, Travel, 0.001);
+  FunctionGainModel* asked = inner.get();
+  ReachableGainModel gain_model(std::move(inner), cell, Travel, 0.001);
   std::vector<Measurement> scans;
   for (int i = 0; i < 16; ++i) scans.push_back(Tilted((i + 0.5) * 2 * kPi / 16));
   const std::vector<float> nothing(16, 0);
-  const auto gains = oracle.Gains(scans, nothing);
+  const auto gains = gain_model.Gains(scans, nothing);
   ASSERT_TRUE(gains.ok()) << gains.status();
   int reached = 0;
   for (size_t i = 0; i < scans.size(); ++i) {
@@ -67,8 +67,8 @@ TEST_F(ReachableOracleTest, AsksOnlyForWhatIsReached) {
   EXPECT_GT(reached, 2);
   EXPECT_LT(reached, 14);
   EXPECT_EQ(asked->evaluations(), reached);
-  EXPECT_EQ(oracle.evaluations(), 16);
-  const auto exact = oracle.ExactCoverage(scans);
+  EXPECT_EQ(gain_model.evaluations(), 16);
+  const auto exact = gain_model.ExactCoverage(scans);
   ASSERT_TRUE(exact.ok()) << exact.status();
   for (size_t i = 0; i < scans.size(); ++i) {
     EXPECT_EQ((*exact)[i].covered.Count(), (*gains)[i].gain);
@@ -77,17 +77,17 @@ TEST_F(ReachableOracleTest, AsksOnlyForWhatIsReached) {
 }
 
 // As the page of `sightline explore` asks: the same of many threads at once.
-TEST_F(ReachableOracleTest, AnswersSeveralThreads) {
+TEST_F(ReachableGainModelTest, AnswersSeveralThreads) {
   const auto cell = OneSidedCell();
   ASSERT_NE(cell, nullptr);
-  ReachableOracle oracle(Azimuths(), cell, Travel, 0.001);
+  ReachableGainModel gain_model(Azimuths(), cell, Travel, 0.001);
   std::vector<Measurement> scans;
   for (int i = 0; i < 16; ++i) scans.push_back(Tilted((i + 0.5) * 2 * kPi / 16));
   std::vector<std::vector<ScanCoverage>> answers(4);
   {
     std::vector<std::jthread> threads;
     for (auto& answer : answers) {
-      threads.emplace_back([&] { answer = oracle.ExactCoverage(scans).value(); });
+      threads.emplace_back([&] { answer = gain_model.ExactCoverage(scans).value(); });
     }
   }
   int reached = 0;
@@ -103,45 +103,45 @@ TEST_F(ReachableOracleTest, AnswersSeveralThreads) {
   EXPECT_LT(reached, 14);
 }
 
-TEST_F(ReachableOracleTest, KeptScansAreThereReachedOrNot) {
+TEST_F(ReachableGainModelTest, KeptScansAreThereReachedOrNot) {
   const auto cell = OneSidedCell();
   ASSERT_NE(cell, nullptr);
-  ReachableOracle oracle(Azimuths(), cell, Travel, 0.001);
+  ReachableGainModel gain_model(Azimuths(), cell, Travel, 0.001);
   const Measurement far = Tilted(kPi / 2);
   ASSERT_FALSE(cell->Reachable(far, Travel(far), false).reachable());
-  oracle.Keep({&far, 1});
-  const auto exact = oracle.ExactCoverage({&far, 1});
+  gain_model.Keep({&far, 1});
+  const auto exact = gain_model.ExactCoverage({&far, 1});
   ASSERT_TRUE(exact.ok()) << exact.status();
   EXPECT_EQ(exact->front().feasibility, ScanFeasibility::kFeasible);
   EXPECT_EQ(exact->front().covered.Count(), 1);
 }
 
-TEST_F(ReachableOracleTest, ForwardsWeightsOfTheGain) {
+TEST_F(ReachableGainModelTest, ForwardsWeightsOfTheGain) {
   const auto cell = OneSidedCell();
   ASSERT_NE(cell, nullptr);
   auto weighted =
-      std::make_unique<WeightedOracle>(1, [](const Measurement&, size_t) { return true; });
-  const WeightedOracle& asked = *weighted;
-  ReachableOracle oracle(std::move(weighted), cell, Travel, 0.001);
-  EXPECT_TRUE(oracle.SetWeights({.admissible = 0.25, .relaxed = 0.75}).ok());
+      std::make_unique<WeightedGainModel>(1, [](const Measurement&, size_t) { return true; });
+  const WeightedGainModel& asked = *weighted;
+  ReachableGainModel gain_model(std::move(weighted), cell, Travel, 0.001);
+  EXPECT_TRUE(gain_model.SetWeights({.admissible = 0.25, .relaxed = 0.75}).ok());
   EXPECT_EQ(asked.weights().admissible, 0.25);
   EXPECT_EQ(asked.weights().relaxed, 0.75);
-  ReachableOracle without(Azimuths(), cell, Travel, 0.001);
+  ReachableGainModel without(Azimuths(), cell, Travel, 0.001);
   EXPECT_EQ(without.SetWeights({}).code(), absl::StatusCode::kUnimplemented);
 }
 
-TEST_F(ReachableOracleTest, StrategiesHonourIt) {
+TEST_F(ReachableGainModelTest, StrategiesHonourIt) {
   const auto cell = OneSidedCell();
   ASSERT_NE(cell, nullptr);
   for (const char* strategy : {"refined", "greedy-pso-1", "matrix"}) {
-    ReachableOracle oracle(Azimuths(), cell, Travel, 0.001);
+    ReachableGainModel gain_model(Azimuths(), cell, Travel, 0.001);
     PlannerRequest request;
     request.domain = Domain();
     request.strategy = strategy;
     request.evaluations_per_scan = 200;
     request.matrix_samples = 400;
     request.goal.coverage = 1;
-    const auto plan = MakePlan(oracle, request);
+    const auto plan = MakePlan(gain_model, request);
     ASSERT_TRUE(plan.ok()) << plan.status();
     EXPECT_GT(plan->scans.size(), 2u) << strategy;
     EXPECT_LT(plan->scans.size(), 14u) << strategy;
