@@ -53,15 +53,16 @@ Json RunPart(const Options& options, const std::string& name, const TriangleMesh
   plan = PlanWithGeneratedColumns(gain_model, request, *std::move(plan), *bound);
   if (!plan.ok()) Fail(name, std::string(plan.status().message()));
   const double again_s = watch.Seconds();
-  const double settled = static_cast<double>(plan->score.Claimed()) / measurable;
+  const double satisfied = static_cast<double>(plan->score.Claimed()) / measurable;
   std::printf("%14s%9.0f%7zu%8.1f%8.2f%11s%9zu%8.1f%7zu%8.1f%9.2f%%\n", name.c_str(), measurable,
               before, plan_s, bound->bound, bound->converged ? "yes" : "no",
-              bound->generated_columns.size(), bound_s, plan->scans.size(), again_s, 100 * settled);
+              bound->generated_columns.size(), bound_s, plan->scans.size(), again_s,
+              100 * satisfied);
   return {{"part", name},          {"targets", measurable},
           {"scans", before},       {"plan_s", plan_s},
           {"bound", bound->bound}, {"converged", bound->converged},
           {"bound_s", bound_s},    {"scans_with_priced", plan->scans.size()},
-          {"again_s", again_s},    {"settled", settled}};
+          {"again_s", again_s},    {"settled", satisfied}};
 }
 
 int Run(const Options& options) {

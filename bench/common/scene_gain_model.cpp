@@ -38,7 +38,7 @@ std::vector<ScanGain> SceneGainModel::GainsOf(std::span<const Measurement> measu
 
 absl::StatusOr<std::vector<ScanGain>> SceneGainModel::Gains(
     std::span<const Measurement> measurements, std::span<const float> known) {
-  const TargetBits covered = Settled(scene_.measurable(), known);
+  const TargetBits covered = Satisfied(scene_.measurable(), known);
   return GainsOf(measurements, &covered, {});
 }
 

@@ -86,7 +86,7 @@ class CoverageClientImpl final : public CoverageClient {
   absl::StatusOr<std::vector<ScanGain>> Gains(std::span<const Measurement> measurements,
                                               std::span<const float> known) override {
     return GainsOf(measurements, [&](v1::EvaluateGainsRequest* request) {
-      request->set_covered_targets(Settled(scene_.measurable(), known).ToBytes());
+      request->set_covered_targets(Satisfied(scene_.measurable(), known).ToBytes());
     });
   }
 

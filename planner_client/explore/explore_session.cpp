@@ -265,8 +265,8 @@ absl::StatusOr<Json> ExploreSession::Admissible(const Json& request) {
   }
   if (*turn.cancelled) return cancelled;
   return Json{{"judged", task_.judge->measurable().Count()},
-              {"before", before->settled},
-              {"with", with->settled}};
+              {"before", before->satisfied},
+              {"with", with->satisfied}};
 }
 
 StageTravel ExploreSession::TravelOf(const Measurement& measurement,
@@ -583,7 +583,7 @@ absl::StatusOr<Json> ExploreSession::Suggest(const Json& request) {
       scans.push_back(candidates[i]);
       const auto score = Score(scans);
       if (!score.ok()) return score.status();
-      gain = score->settled;
+      gain = score->satisfied;
     }
     if (gain > best_gain) {
       best = i;

@@ -3,8 +3,8 @@
 
 namespace sightline {
 
-const TargetBits& CoverageGainModel::fresh_measurable() const {
-  return fresh_ != nullptr ? fresh_->measurable() : GainModel::fresh_measurable();
+const TargetBits& CoverageGainModel::validation_measurable() const {
+  return fresh_ != nullptr ? fresh_->measurable() : GainModel::validation_measurable();
 }
 
 absl::StatusOr<std::vector<ScanGain>> CoverageGainModel::Gains(
@@ -29,7 +29,7 @@ absl::StatusOr<std::vector<ScanCoverage>> CoverageGainModel::ExactCoverage(
   auto fresh = fresh_->ExactCoverage(measurements);
   if (!fresh.ok()) return fresh.status();
   for (size_t i = 0; i < coverages->size(); ++i) {
-    (*coverages)[i].fresh_covered = std::move((*fresh)[i].covered);
+    (*coverages)[i].validation_covered = std::move((*fresh)[i].covered);
   }
   return coverages;
 }

@@ -13,7 +13,7 @@ class CoverageGainModel final : public GainModel {
       : client_(client), fresh_(fresh) {}
 
   const TargetBits& measurable() const override { return client_.measurable(); }
-  const TargetBits& fresh_measurable() const override;
+  const TargetBits& validation_measurable() const override;
   absl::StatusOr<std::vector<ScanGain>> Gains(std::span<const Measurement> measurements,
                                               std::span<const float> known) override;
   absl::StatusOr<std::vector<ScanGain>> WeightedGains(std::span<const Measurement> measurements,

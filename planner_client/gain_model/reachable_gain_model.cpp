@@ -81,7 +81,7 @@ ScanCoverage ReachableGainModel::Unreached() const {
   coverage.feasibility = ScanFeasibility::kUnreachable;
   coverage.covered = TargetBits(measurable().size());
   coverage.covered_without_normal_gate = coverage.covered;
-  coverage.fresh_covered = TargetBits(fresh_measurable().size());
+  coverage.validation_covered = TargetBits(validation_measurable().size());
   return coverage;
 }
 

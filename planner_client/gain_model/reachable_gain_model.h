@@ -33,7 +33,9 @@ class ReachableGainModel final : public GainModel {
   void Keep(std::span<const Measurement> scans);
 
   const TargetBits& measurable() const override { return gain_model_->measurable(); }
-  const TargetBits& fresh_measurable() const override { return gain_model_->fresh_measurable(); }
+  const TargetBits& validation_measurable() const override {
+    return gain_model_->validation_measurable();
+  }
   absl::StatusOr<std::vector<ScanGain>> Gains(std::span<const Measurement> measurements,
                                               std::span<const float> known) override;
   absl::StatusOr<std::vector<ScanGain>> WeightedGains(std::span<const Measurement> measurements,

@@ -139,7 +139,7 @@ void Encode(const ScanCoverage& coverage, Writer& out) {
   out.Put(coverage.first_frame);
   out.Put(coverage.last_frame);
   out.Put(coverage.measurement_points);
-  Encode(coverage.fresh_covered, out);
+  Encode(coverage.validation_covered, out);
   out.PutAll(std::span<const uint32_t>(coverage.shares.targets));
   out.PutAll(std::span<const float>(coverage.shares.share));
 }
@@ -150,7 +150,7 @@ void Decode(Reader& in, ScanCoverage* coverage) {
   coverage->first_frame = in.Get<int32_t>();
   coverage->last_frame = in.Get<int32_t>();
   coverage->measurement_points = in.Get<int64_t>();
-  Decode(in, &coverage->fresh_covered);
+  Decode(in, &coverage->validation_covered);
   coverage->shares.targets = in.GetAll<uint32_t>();
   coverage->shares.share = in.GetAll<float>();
 }
@@ -166,20 +166,20 @@ void Decode(Reader& in, std::optional<int64_t>* value) {
 }
 
 void Encode(const PlanScore& score, Writer& out) {
-  out.Put(score.settled);
+  out.Put(score.satisfied);
   out.Put(score.relaxed);
   out.Put(score.judged);
-  Encode(score.fresh_settled, out);
-  Encode(score.fresh_relaxed, out);
-  out.Put(score.fresh_judged);
+  Encode(score.validation_satisfied, out);
+  Encode(score.validation_relaxed, out);
+  out.Put(score.validation_judged);
 }
 void Decode(Reader& in, PlanScore* score) {
-  score->settled = in.Get<int64_t>();
+  score->satisfied = in.Get<int64_t>();
   score->relaxed = in.Get<int64_t>();
   score->judged = in.Get<int64_t>();
-  Decode(in, &score->fresh_settled);
-  Decode(in, &score->fresh_relaxed);
-  score->fresh_judged = in.Get<int64_t>();
+  Decode(in, &score->validation_satisfied);
+  Decode(in, &score->validation_relaxed);
+  score->validation_judged = in.Get<int64_t>();
 }
 
 template <typename T>

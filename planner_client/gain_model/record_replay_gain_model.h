@@ -41,7 +41,9 @@ class RecordReplayGainModel final : public GainModel {
   int64_t replayed_queries() const { return replayed_queries_; }
 
   const TargetBits& measurable() const override { return gain_model_->measurable(); }
-  const TargetBits& fresh_measurable() const override { return gain_model_->fresh_measurable(); }
+  const TargetBits& validation_measurable() const override {
+    return gain_model_->validation_measurable();
+  }
   absl::StatusOr<std::vector<ScanGain>> Gains(std::span<const Measurement> measurements,
                                               std::span<const float> known) override;
   absl::StatusOr<std::vector<ScanGain>> WeightedGains(std::span<const Measurement> measurements,

@@ -120,8 +120,8 @@ std::vector<ShareStep> UncertaintyGainModel::steps() const {
   const GainWeights& w = query_.weights;
   std::vector<ShareStep> steps;
   // Weight of the step that satisfies a target: admissibility and the last step of information.
-  const double settled = w.admissible + w.information / kInformationSteps;
-  if (settled > 0) steps.push_back({settled, {1.0f}});
+  const double satisfied = w.admissible + w.information / kInformationSteps;
+  if (satisfied > 0) steps.push_back({satisfied, {1.0f}});
   for (int k = 1; k < kInformationSteps && w.information > 0; ++k) {
     steps.push_back({w.information / kInformationSteps,
                      {static_cast<float>(k) / static_cast<float>(kInformationSteps)}});
@@ -177,7 +177,7 @@ absl::StatusOr<UncertaintyGainModel::Counts> UncertaintyGainModel::Count(
   if (!exact.ok()) return exact.status();
   for (size_t i = 0; i < asked.size(); ++i) {
     const float u_m = exact->total_m[i];
-    counts.settled += u_m <= sampling.targets.admissible_uncertainty_m[asked[i]];
+    counts.satisfied += u_m <= sampling.targets.admissible_uncertainty_m[asked[i]];
     counts.relaxed += u_m <= std::max(sampling.targets.admissible_uncertainty_m[asked[i]],
                                       static_cast<float>(query_.relaxed_uncertainty_m));
   }
@@ -208,7 +208,7 @@ absl::StatusOr<UncertaintyGainModel::Counts> UncertaintyGainModel::Count(
         fast_all + std::llround(scale * static_cast<double>(exact_part - fast_part) - error), 0,
         static_cast<int64_t>(judged.size()));
   };
-  counts.settled = scaled(counts.settled, sampling.targets.admissible_density);
+  counts.satisfied = scaled(counts.satisfied, sampling.targets.admissible_density);
   counts.relaxed = scaled(counts.relaxed, sampling.targets.relaxed_density);
   return counts;
 }
@@ -219,14 +219,14 @@ absl::StatusOr<PlanScore> UncertaintyGainModel::ScorePlan(std::span<const Measur
   auto counts = Count(planned_, scans, thorough);
   if (!counts.ok()) return counts.status();
   score.judged = planned_.targets.judged.Count();
-  score.settled = counts->settled;
+  score.satisfied = counts->satisfied;
   score.relaxed = counts->relaxed;
   if (fresh_.client == nullptr) return score;
   auto fresh = Count(fresh_, scans, thorough);
   if (!fresh.ok()) return fresh.status();
-  score.fresh_judged = fresh_.targets.judged.Count();
-  score.fresh_settled = fresh->settled;
-  score.fresh_relaxed = fresh->relaxed;
+  score.validation_judged = fresh_.targets.judged.Count();
+  score.validation_satisfied = fresh->satisfied;
+  score.validation_relaxed = fresh->relaxed;
   return score;
 }
 
@@ -244,7 +244,7 @@ absl::StatusOr<std::vector<PlanScore>> UncertaintyGainModel::ScoreGrowingPlan(
         std::max(admissible_m, static_cast<float>(query_.relaxed_uncertainty_m));
     for (size_t s = 0; s < scans.size(); ++s) {
       const float u_m = exact->after_each_scan_m[i * scans.size() + s];
-      scores[s].settled += u_m <= admissible_m;
+      scores[s].satisfied += u_m <= admissible_m;
       scores[s].relaxed += u_m <= relaxed_m;
     }
   }

@@ -45,7 +45,7 @@ class UncertaintyGainModel final : public GainModel {
   }
 
   const TargetBits& measurable() const override { return planned_.targets.judged; }
-  const TargetBits& fresh_measurable() const override { return fresh_.targets.judged; }
+  const TargetBits& validation_measurable() const override { return fresh_.targets.judged; }
   absl::StatusOr<std::vector<ScanGain>> Gains(std::span<const Measurement> measurements,
                                               std::span<const float> known) override;
   absl::StatusOr<std::vector<ScanGain>> WeightedGains(std::span<const Measurement> measurements,
@@ -65,7 +65,7 @@ class UncertaintyGainModel final : public GainModel {
 
  private:
   struct Counts {
-    int64_t settled = 0, relaxed = 0;
+    int64_t satisfied = 0, relaxed = 0;
   };
   // Exact, of all toleranced targets or estimated from a part of them.
   absl::StatusOr<Counts> Count(const Sampling& sampling, std::span<const Measurement> scans,

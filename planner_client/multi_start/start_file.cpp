@@ -46,7 +46,7 @@ std::optional<StartResult> FromJson(const json& file) {
   start.stop_reason = *reason;
   start.seed = file.at("seed").get<int64_t>();
   start.evaluations = file.at("evaluations").get<int64_t>();
-  start.settled = file.at("settled").get<double>();
+  start.satisfied = file.at("settled").get<double>();
   start.cost = file.at("cost").get<double>();
   for (const json& scan : file.at("scans")) {
     start.scans.push_back(
@@ -76,7 +76,7 @@ absl::Status WriteStart(const StartResult& start, const std::string& fingerprint
   }
   json file = {
       {"fingerprint", fingerprint}, {"seed", start.seed}, {"evaluations", start.evaluations},
-      {"settled", start.settled},   {"cost", start.cost}, {"scans", scans}};
+      {"settled", start.satisfied}, {"cost", start.cost}, {"scans", scans}};
   for (const auto& [value, name] : kStopReasons) {
     if (start.stop_reason == value) file["stop_reason"] = name;
   }

@@ -12,10 +12,10 @@ bool IsBetterStart(const StartResult& a, const StartResult& b) {
   const auto effort = [](const StartResult& start) {
     return std::tuple(start.cost, start.scans.size());
   };
-  return a_reaches
-             ? std::tuple(effort(a), -a.settled, a.seed) < std::tuple(effort(b), -b.settled, b.seed)
-             : std::tuple(-a.settled, effort(a), a.seed) <
-                   std::tuple(-b.settled, effort(b), b.seed);
+  return a_reaches ? std::tuple(effort(a), -a.satisfied, a.seed) <
+                         std::tuple(effort(b), -b.satisfied, b.seed)
+                   : std::tuple(-a.satisfied, effort(a), a.seed) <
+                         std::tuple(-b.satisfied, effort(b), b.seed);
 }
 
 }  // namespace sightline

@@ -24,8 +24,8 @@ struct StartResult {
   int64_t seed = 0;
   StopReason stop_reason = StopReason::kStalled;
   int64_t evaluations = 0;
-  double settled = 0;  // targets that the plan can claim, of those to be satisfied, in [0, 1]
-  double cost = 0;     // of executing its plan, as v1::PlanCost.total
+  double satisfied = 0;  // targets that the plan can claim, of those to be satisfied, in [0, 1]
+  double cost = 0;       // of executing its plan, as v1::PlanCost.total
   std::vector<Scan> scans;
   // Without its scans.
   std::optional<ScanCountBoundResult> bound;

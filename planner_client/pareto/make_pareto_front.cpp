@@ -46,7 +46,7 @@ class FrontMaker {
     result.evaluations = gain_model_.evaluations() - evaluations_before;
     result.plan_stop_reason = plan_stop_reason_;
     const auto chosen = PointForGoal(result.front.points);
-    if (!chosen) return NothingSettled();
+    if (!chosen) return NothingSatisfied();
     result.stop_reason =
         result.front.points[*chosen].reaches_goal ? StopReason::kGoalReached : StopReason::kStalled;
     if (!status.ok() || Stopped()) {
@@ -66,7 +66,7 @@ class FrontMaker {
   }
   bool Stopped() const { return Interrupted() || TimeLeftS().value_or(1) <= 0; }
 
-  absl::Status NothingSettled() const {
+  absl::Status NothingSatisfied() const {
     if (Stopped()) return absl::CancelledError("stopped before there was a plan");
     if (gain_model_.measurable().Count() == 0) {
       return absl::FailedPreconditionError(
@@ -130,7 +130,7 @@ class FrontMaker {
     goal_targets_ = PlanRun(gain_model_, request).goal_targets();
     auto plan = MakePlan(gain_model_, request);
     if (!plan.ok()) return plan.status();
-    if (plan->scans.empty()) return NothingSettled();
+    if (plan->scans.empty()) return NothingSatisfied();
     plan_stop_reason_ = plan->stop_reason;
     AddPoint(*plan);
     AddCandidates(plan->candidates);
@@ -242,7 +242,7 @@ class FrontMaker {
   }
 
   // Number of scans of the plan that satisfies most within the limit; 0: there is none.
-  size_t MostSettledScans(double limit_s) const {
+  size_t MostSatisfiedScans(double limit_s) const {
     const ParetoPoint* best = BestWithin(limit_s, MostScans());
     return best == nullptr ? 0 : best->scans.size();
   }
@@ -314,7 +314,7 @@ class FrontMaker {
       auto status = AddWithin(search, run, limit_s, MostScans(), true);
       if (!status.ok()) return status;
       // Fewer scans in the same time, where they would take longer if they might.
-      const size_t least = MostSettledScans(limit_s);
+      const size_t least = MostSatisfiedScans(limit_s);
       for (size_t count = std::max<size_t>(1, least) - 1; count > locked(); --count) {
         if (HasPlanWithin(count, limit_s)) break;
         where = absl::StrFormat("front, most with %d within %.1f s: ", count, limit_s);

@@ -43,8 +43,9 @@ v1::ParetoPoint PointToProto(const ParetoPoint& point, int number, bool with_mea
   message.set_reposition_time_s(point.time.reposition_s);
   message.set_settled(static_cast<double>(point.Claimed()) /
                       static_cast<double>(std::max<int64_t>(1, point.score.judged)));
-  message.set_settled_targets(point.score.settled);
-  if (point.score.fresh_settled) message.set_fresh_settled_targets(*point.score.fresh_settled);
+  message.set_settled_targets(point.score.satisfied);
+  if (point.score.validation_satisfied)
+    message.set_fresh_settled_targets(*point.score.validation_satisfied);
   message.set_reaches_goal(point.reaches_goal);
   if (!with_measurements) return message;
   int locked = 0;
@@ -265,15 +266,15 @@ absl::Status CheckSameNumbers(const v1::ParetoPoint& point, const PlanScore& sco
   const std::string again =
       " by exact evaluation of its scans: the file was changed, or made with "
       "another inspection or version; plan again with --pareto";
-  if (point.settled_targets() != score.settled) {
+  if (point.settled_targets() != score.satisfied) {
     return Differs(path, name + ".settled_targets", absl::StrCat(point.settled_targets()),
-                   absl::StrCat(score.settled, again));
+                   absl::StrCat(score.satisfied, again));
   }
-  if (point.has_fresh_settled_targets() && score.fresh_settled &&
-      point.fresh_settled_targets() != *score.fresh_settled) {
+  if (point.has_fresh_settled_targets() && score.validation_satisfied &&
+      point.fresh_settled_targets() != *score.validation_satisfied) {
     return Differs(path, name + ".fresh_settled_targets",
                    absl::StrCat(point.fresh_settled_targets()),
-                   absl::StrCat(*score.fresh_settled, again));
+                   absl::StrCat(*score.validation_satisfied, again));
   }
   if (!Near(point.time_s(), time.Total_s())) {
     return Differs(path, name + ".time_s", NumberText(point.time_s()),

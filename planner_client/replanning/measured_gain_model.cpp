@@ -76,7 +76,7 @@ absl::StatusOr<std::vector<ScanCoverage>> MeasuredGainModel::ExactCoverage(
   const auto change = [&](size_t measured, ScanCoverage& coverage) {
     coverage.covered_without_normal_gate = coverage.covered;
     coverage.measurement_points = planned_.points[measured];
-    if (fresh_) coverage.fresh_covered = fresh_->covered[measured];
+    if (fresh_) coverage.validation_covered = fresh_->covered[measured];
   };
   return AsMeasured(gain_model_->ExactCoverage(measurements), measurements, change);
 }
@@ -121,7 +121,7 @@ absl::StatusOr<MeasuredGainModel::Counts> MeasuredGainModel::Count(
   }
   Counts counts;
   for (size_t i = 0; i < judged.size(); ++i) {
-    counts.settled += density[i] >= targets.judged.admissible_density[judged[i]];
+    counts.satisfied += density[i] >= targets.judged.admissible_density[judged[i]];
     counts.relaxed += density[i] >= targets.judged.relaxed_density[judged[i]];
   }
   return counts;
@@ -134,14 +134,14 @@ absl::StatusOr<PlanScore> MeasuredGainModel::ScorePlan(std::span<const Measureme
   auto counts = Count(planned_, scans);
   if (!counts.ok()) return counts.status();
   score.judged = planned_.judged.judged.Count();
-  score.settled = counts->settled;
+  score.satisfied = counts->satisfied;
   score.relaxed = counts->relaxed;
   if (!fresh_) return score;
   auto fresh = Count(*fresh_, scans);
   if (!fresh.ok()) return fresh.status();
-  score.fresh_judged = fresh_->judged.judged.Count();
-  score.fresh_settled = fresh->settled;
-  score.fresh_relaxed = fresh->relaxed;
+  score.validation_judged = fresh_->judged.judged.Count();
+  score.validation_satisfied = fresh->satisfied;
+  score.validation_relaxed = fresh->relaxed;
   return score;
 }
 
@@ -154,7 +154,7 @@ absl::StatusOr<std::vector<PlanScore>> MeasuredGainModel::ScoreGrowingPlan(
     if (!counts.ok()) return counts.status();
     PlanScore& score = scores.emplace_back();
     score.judged = planned_.judged.judged.Count();
-    score.settled = counts->settled;
+    score.satisfied = counts->satisfied;
     score.relaxed = counts->relaxed;
   }
   return scores;

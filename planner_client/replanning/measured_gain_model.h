@@ -51,7 +51,9 @@ class MeasuredGainModel final : public GainModel {
   absl::StatusOr<PosteriorUncertainties> Uncertainties(std::span<const Measurement> scans) const;
 
   const TargetBits& measurable() const override { return gain_model_->measurable(); }
-  const TargetBits& fresh_measurable() const override { return gain_model_->fresh_measurable(); }
+  const TargetBits& validation_measurable() const override {
+    return gain_model_->validation_measurable();
+  }
   absl::StatusOr<std::vector<ScanGain>> Gains(std::span<const Measurement> measurements,
                                               std::span<const float> known) override {
     return gain_model_->Gains(measurements, known);
@@ -77,7 +79,7 @@ class MeasuredGainModel final : public GainModel {
       absl::StatusOr<std::vector<ScanCoverage>> coverages,
       std::span<const Measurement> measurements, const Change& change) const;
   struct Counts {
-    int64_t settled = 0, relaxed = 0;
+    int64_t satisfied = 0, relaxed = 0;
   };
   absl::StatusOr<Counts> Count(const MeasuredTargets& targets,
                                std::span<const Measurement> scans) const;

@@ -88,7 +88,7 @@ class BoundedSearch {
   // Bounds the number of scans for the fraction that the draft satisfies, at most the goal.
   absl::Status FindBound() {
     const double satisfied =
-        static_cast<double>(found_.plan.score.settled) /
+        static_cast<double>(found_.plan.score.satisfied) /
         static_cast<double>(std::max<int64_t>(1, gain_model_.measurable().Count()));
     auto bound = During(PlanStep::kBound, [&] {
       return BoundScanCount(

@@ -37,7 +37,7 @@ struct ScanCoverage {
   int32_t last_frame = -1;
   int64_t measurement_points = 0;
   // Covered validation targets, if the gain model has such.
-  TargetBits fresh_covered;
+  TargetBits validation_covered;
   // Set by fast evaluation of gain models that score whole plans; otherwise covered targets have a
   // fraction of 1.
   TargetShares shares;
@@ -46,20 +46,20 @@ struct ScanCoverage {
 // A plan as a whole, exact: targets that it satisfies, and that it nearly satisfies (a relaxed
 // uncertainty; coverage: the same). Counts of validation targets are unset if there are none.
 struct PlanScore {
-  int64_t settled = 0;
+  int64_t satisfied = 0;
   int64_t relaxed = 0;
   int64_t judged = 0;
-  std::optional<int64_t> fresh_settled;
-  std::optional<int64_t> fresh_relaxed;
-  int64_t fresh_judged = 0;
+  std::optional<int64_t> validation_satisfied;
+  std::optional<int64_t> validation_relaxed;
+  int64_t validation_judged = 0;
 
   // Satisfied targets that the plan can claim: no larger fraction than of the validation targets.
   int64_t Claimed() const {
-    if (!fresh_settled || fresh_judged == 0) return settled;
+    if (!validation_satisfied || validation_judged == 0) return satisfied;
     const auto fresh =
-        static_cast<int64_t>(static_cast<double>(*fresh_settled) /
-                             static_cast<double>(fresh_judged) * static_cast<double>(judged));
-    return fresh < settled ? fresh : settled;
+        static_cast<int64_t>(static_cast<double>(*validation_satisfied) /
+                             static_cast<double>(validation_judged) * static_cast<double>(judged));
+    return fresh < satisfied ? fresh : satisfied;
   }
 };
 
@@ -69,7 +69,7 @@ class GainModel {
   // Targets that plans are to satisfy.
   virtual const TargetBits& measurable() const = 0;
   // Validation targets that plans are scored on too; empty: none.
-  virtual const TargetBits& fresh_measurable() const {
+  virtual const TargetBits& validation_measurable() const {
     static const TargetBits none;
     return none;
   }

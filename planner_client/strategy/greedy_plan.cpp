@@ -34,7 +34,7 @@ absl::StatusOr<PlannerResult> PlanGreedily(PlanRun& run, const NextBestScans& ne
   for (uint64_t search = 0;; ++search) {
     const int64_t scans = static_cast<int64_t>(request.locked.size() + movable.size());
     const double goal = static_cast<double>(run.goal_targets());
-    if (changed && static_cast<double>(run.CountSettled(known)) >= kNearGoal * goal) {
+    if (changed && static_cast<double>(run.CountSatisfied(known)) >= kNearGoal * goal) {
       auto score = run.Score(feasible, true);
       if (run.IsStop(score.status())) return run.Finish(movable, run.stopped_reason());
       if (!score.ok()) return score.status();

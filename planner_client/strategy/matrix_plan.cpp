@@ -14,10 +14,10 @@ TargetBits SettledAlone(const GainModel& gain_model, const ScanCoverage& scan) {
   if (!gain_model.ScoresPlans()) return scan.covered;
   TargetBits settled(gain_model.measurable().size());
   for (size_t i = 0; i < scan.shares.targets.size(); ++i) {
-    if (scan.shares.share[i] >= 1) settled.Set(scan.shares.targets[i]);
+    if (scan.shares.share[i] >= 1) satisfied.Set(scan.shares.targets[i]);
   }
-  settled &= gain_model.measurable();
-  return settled;
+  satisfied &= gain_model.measurable();
+  return satisfied;
 }
 
 }  // namespace
@@ -54,7 +54,7 @@ absl::StatusOr<PlannerResult> PlanWithMatrix(PlanRun& run) {
       [&](const std::vector<float>& known, int64_t,
           uint64_t) -> absl::StatusOr<std::vector<Measurement>> {
         std::vector<Measurement> result;
-        if (const auto choice = greedy.Next(Settled(run.gain_model().measurable(), known))) {
+        if (const auto choice = greedy.Next(Satisfied(run.gain_model().measurable(), known))) {
           result.push_back(matrix.measurement(choice->row));
         }
         return result;

@@ -98,26 +98,27 @@ absl::StatusOr<PlanScore> PlanRun::Score(std::span<const Measurement> scans, boo
   if (gain_model_.ScoresPlans()) return gain_model_.ScorePlan(scans, thorough);
   auto exact = Exact(scans);
   if (!exact.ok()) return exact.status();
-  TargetBits covered(gain_model_.measurable().size()), fresh(gain_model_.fresh_measurable().size());
+  TargetBits covered(gain_model_.measurable().size()),
+      fresh(gain_model_.validation_measurable().size());
   for (const ScanCoverage* scan : *exact) {
     if (scan->feasibility != ScanFeasibility::kFeasible) continue;
     covered |= scan->covered;
-    if (fresh.size() > 0) fresh |= scan->fresh_covered;
+    if (fresh.size() > 0) fresh |= scan->validation_covered;
   }
   PlanScore score;
   score.judged = measurable_;
-  score.settled = score.relaxed = covered.Count();
+  score.satisfied = score.relaxed = covered.Count();
   if (fresh.size() > 0) {
-    score.fresh_judged = gain_model_.fresh_measurable().Count();
-    score.fresh_settled = score.fresh_relaxed = fresh.Count();
+    score.validation_judged = gain_model_.validation_measurable().Count();
+    score.validation_satisfied = score.validation_relaxed = fresh.Count();
   }
   return score;
 }
 
 BatchObjective PlanRun::Gain(std::vector<float> known, TopPoints* top, std::string phase,
                              int64_t scans) {
-  const int64_t settled = CountSettled(known);
-  return [this, known = std::move(known), top, phase = std::move(phase), scans, settled](
+  const int64_t satisfied = CountSatisfied(known);
+  return [this, known = std::move(known), top, phase = std::move(phase), scans, satisfied](
              std::span<const std::vector<double>> points) -> absl::StatusOr<std::vector<double>> {
     if (Stopped()) return absl::CancelledError("planning was stopped");
     std::vector<Measurement> measurements;
@@ -134,7 +135,7 @@ BatchObjective PlanRun::Gain(std::vector<float> known, TopPoints* top, std::stri
         top->Add(space_.Normalise(points[i]), values.back());
       }
     }
-    Report(phase, scans, settled);
+    Report(phase, scans, satisfied);
     return values;
   };
 }
@@ -192,7 +193,7 @@ absl::StatusOr<PlannerResult> PlanRun::Finish(std::span<const Measurement> movab
       result.scans[i].fast_covered = (*fast)[i].covered.Count();
     }
   }
-  Report("planned", static_cast<int64_t>(result.scans.size()), result.score.settled, true);
+  Report("planned", static_cast<int64_t>(result.scans.size()), result.score.satisfied, true);
   return result;
 }
 
@@ -204,7 +205,7 @@ absl::Status PlanRun::ScoreFinished(std::span<const Measurement> scans, PlannerR
     auto growing = gain_model_.ScoreGrowingPlan(scans);
     if (!growing.ok()) return growing.status();
     for (const PlanScore& score : *growing) {
-      result->coverage_curve.push_back(static_cast<double>(score.settled) / total);
+      result->coverage_curve.push_back(static_cast<double>(score.satisfied) / total);
       result->relaxed_curve.push_back(static_cast<double>(score.relaxed) / total);
     }
   } else {

@@ -46,8 +46,8 @@ class PlanRun {
   double Worth(std::span<const float> known) const {
     return StepWorth(steps_, gain_model_.measurable(), known);
   }
-  int64_t CountSettled(std::span<const float> known) const {
-    return Settled(gain_model_.measurable(), known).Count();
+  int64_t CountSatisfied(std::span<const float> known) const {
+    return Satisfied(gain_model_.measurable(), known).Count();
   }
   int64_t evaluations() const { return gain_model_.evaluations() - evaluations_before_; }
 

@@ -164,7 +164,7 @@ class RefinedPlanner {
   }
 
   // Fast estimate of the targets that the plan satisfies.
-  int64_t Covered() const { return run_.CountSettled(KnownFrom(plan_)); }
+  int64_t Covered() const { return run_.CountSatisfied(KnownFrom(plan_)); }
 
   std::vector<float> KnownFrom(const PoolPlan& plan) const {
     std::vector<float> known = run_.NothingKnown();

@@ -149,7 +149,7 @@ double WeightOf(const TargetShares& scan, const std::vector<double>& weights) {
 }
 
 // Targets to which the scan gives at least half of the required information.
-TargetBits MostlySettled(const TargetShares& scan, size_t targets) {
+TargetBits MostlySatisfied(const TargetShares& scan, size_t targets) {
   TargetBits bits(targets);
   for (size_t i = 0; i < scan.targets.size(); ++i) {
     if (scan.share[i] >= 0.5f) bits.Set(scan.targets[i]);
@@ -270,7 +270,7 @@ class BoundSearch {
     if (!programme_ || columns_.size() >= 2 * grouped_columns_) {
       std::vector<TargetBits> mostly;
       for (const TargetShares& column : columns_) {
-        mostly.push_back(MostlySettled(column, measurable_.size()));
+        mostly.push_back(MostlySatisfied(column, measurable_.size()));
       }
       groups_ = GroupTargets(measurable_, mostly);
       programme_.emplace(groups_, goal_targets_);
@@ -381,9 +381,9 @@ class BoundSearch {
       auto best = PriceOnly(weights, std::min<int64_t>(Left(), 1000), 1);
       if (!best.ok()) return best.status();
       if (columns_.size() == before) break;
-      const TargetBits settled = MostlySettled(columns_[before], weights.size());
+      const TargetBits satisfied = MostlySatisfied(columns_[before], weights.size());
       for (size_t t = 0; t < weights.size(); ++t) {
-        if (settled.Test(t)) weights[t] *= 0.5;
+        if (satisfied.Test(t)) weights[t] *= 0.5;
       }
     }
     return absl::OkStatus();

@@ -5,10 +5,10 @@
 
 namespace sightline {
 
-TargetShares FullShares(const TargetBits& settled) {
+TargetShares FullShares(const TargetBits& satisfied) {
   TargetShares shares;
-  for (size_t w = 0; w < settled.words().size(); ++w) {
-    for (uint64_t word = settled.words()[w]; word != 0; word &= word - 1) {
+  for (size_t w = 0; w < satisfied.words().size(); ++w) {
+    for (uint64_t word = satisfied.words()[w]; word != 0; word &= word - 1) {
       shares.targets.push_back(static_cast<uint32_t>(64 * w + std::countr_zero(word)));
     }
   }
@@ -20,13 +20,13 @@ void AddShares(const TargetShares& scan, std::span<float> known) {
   for (size_t i = 0; i < scan.targets.size(); ++i) known[scan.targets[i]] += scan.share[i];
 }
 
-TargetBits Settled(const TargetBits& judged, std::span<const float> known) {
+TargetBits Satisfied(const TargetBits& judged, std::span<const float> known) {
   TargetBits settled(judged.size());
   for (size_t t = 0; t < known.size(); ++t) {
-    if (known[t] >= 1) settled.Set(t);
+    if (known[t] >= 1) satisfied.Set(t);
   }
-  settled &= judged;
-  return settled;
+  satisfied &= judged;
+  return satisfied;
 }
 
 double StepWorth(std::span<const ShareStep> steps, const TargetBits& judged,

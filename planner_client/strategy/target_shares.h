@@ -21,13 +21,13 @@ struct TargetShares {
 };
 
 // Fractions of 1 for every target of the set.
-TargetShares FullShares(const TargetBits& settled);
+TargetShares FullShares(const TargetBits& satisfied);
 
 // Adds a scan's fractions to the accumulated information of all targets.
 void AddShares(const TargetShares& scan, std::span<float> known);
 
 // Targets of `judged` with an accumulated fraction of at least 1.
-TargetBits Settled(const TargetBits& judged, std::span<const float> known);
+TargetBits Satisfied(const TargetBits& judged, std::span<const float> known);
 
 // Worth of a target's accumulated information reaching a threshold.
 struct ShareStep {

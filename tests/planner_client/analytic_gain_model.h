@@ -39,7 +39,7 @@ class FunctionGainModel : public GainModel {
   absl::StatusOr<std::vector<ScanGain>> Gains(std::span<const Measurement> measurements,
                                               std::span<const float> known) override {
     std::vector<ScanGain> gains;
-    const TargetBits covered = Settled(measurable_, known);
+    const TargetBits covered = Satisfied(measurable_, known);
     for (const ScanCoverage& c : Evaluate(measurements, covers_, feasibility_)) {
       const auto fresh = static_cast<int32_t>(c.covered.CountNotIn(covered));
       gains.push_back({c.feasibility, fresh, static_cast<int32_t>(c.covered.Count()), 0,
@@ -182,9 +182,9 @@ class ShareGainModel final : public GainModel {
   absl::StatusOr<PlanScore> ScorePlan(std::span<const Measurement> scans, bool) override {
     std::vector<float> known(kTargets, 0);
     for (const Measurement& m : scans) AddShares(SharesOf(m), known);
-    const int64_t settled = Settled(judged_, known).Count();
+    const int64_t satisfied = Satisfied(judged_, known).Count();
     PlanScore score;
-    score.settled = score.relaxed = settled;
+    score.satisfied = score.relaxed = satisfied;
     score.judged = kTargets;
     return score;
   }

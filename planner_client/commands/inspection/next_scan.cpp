@@ -90,8 +90,8 @@ absl::StatusOr<std::optional<v1::NextScan>> FindNextScan(const NextScanQuestion&
   if (!score.ok()) return score.status();
   v1::NextScan next;
   *next.mutable_measurement() = MeasurementToProto(plan->scans.back().measurement);
-  next.set_open_targets(needed.judged.Count() - score->settled);
-  next.set_settled_targets(std::max<int64_t>(0, plan->score.settled - score->settled));
+  next.set_open_targets(needed.judged.Count() - score->satisfied);
+  next.set_settled_targets(std::max<int64_t>(0, plan->score.satisfied - score->satisfied));
   for (size_t f = 0; f < session->requirements->features.size(); ++f) {
     if (judged.needed_uncertainty_m[f] > 0)
       next.add_features(session->requirements->features[f].name);

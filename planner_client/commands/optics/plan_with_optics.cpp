@@ -160,7 +160,7 @@ class JointPlanner {
     session_ = *std::move(session);
     auto score = session_.gain_model->ScorePlan(ScansOf(document_), true);
     if (!score.ok()) return score.status();
-    round->set_settled_with(static_cast<double>(score->settled) /
+    round->set_settled_with(static_cast<double>(score->satisfied) /
                             static_cast<double>(std::max<int64_t>(1, score->judged)));
     return absl::OkStatus();
   }

@@ -31,7 +31,7 @@ ParetoTask TaskOf(const PlanningSession& session, const PlanningGoal& goal) {
   task.for_uncertainty = session.ForUncertainty();
   task.goal = GoalFraction(goal);
   task.judged_targets = session.gain_model->measurable().Count();
-  task.fresh_judged_targets = session.gain_model->fresh_measurable().Count();
+  task.fresh_judged_targets = session.gain_model->validation_measurable().Count();
   return task;
 }
 

@@ -50,8 +50,8 @@ StartResult StartOf(const PlannerResult& result, const v1::Plan& plan,
   start.seed = plan.seed();
   start.stop_reason = result.stop_reason;
   start.evaluations = plan.gain_evaluations();
-  start.settled = static_cast<double>(result.score.Claimed()) /
-                  static_cast<double>(std::max<int64_t>(1, result.score.judged));
+  start.satisfied = static_cast<double>(result.score.Claimed()) /
+                    static_cast<double>(std::max<int64_t>(1, result.score.judged));
   start.cost = plan.cost().total();
   for (const ChosenScan& scan : result.scans) {
     start.scans.push_back({scan.measurement, scan.locked});
@@ -85,7 +85,7 @@ void SetStarts(const std::vector<StartResult>& starts, v1::Plan& plan) {
     v1::PlanStart& message = *plan.add_starts();
     message.set_seed(start.seed);
     message.set_scans(static_cast<int>(start.scans.size()));
-    message.set_settled(start.settled);
+    message.set_settled(start.satisfied);
     message.set_stop_reason(StopReasonToProto(start.stop_reason));
     message.set_gain_evaluations(start.evaluations);
     message.set_cost(start.cost);

@@ -56,7 +56,7 @@ std::string FingerprintOfAnswers(const PlanningSession& session, const SearchQue
   key.Add("options", question.options);
   key.Add("version", SIGHTLINE_VERSION);
   key.Add("program", ProgramBuild());
-  for (const CoverageClient* client : {session.client.get(), session.fresh_client.get()}) {
+  for (const CoverageClient* client : {session.client.get(), session.validation_client.get()}) {
     if (client == nullptr) continue;
     key.Add("server", client->scene().server_build);
     key.Add("scene", client->scene().scene_digest);

@@ -118,7 +118,7 @@ class LeastTimePlanner {
   bool OutOfBudget() const { return run_.evaluations() >= budget_; }
 
   void Report() {
-    run_.Report("fewer set-ups", static_cast<int64_t>(plan_.size()), given_.score.settled);
+    run_.Report("fewer set-ups", static_cast<int64_t>(plan_.size()), given_.score.satisfied);
   }
 
   size_t NumberOf(std::vector<Measurement>& known, const Measurement& m,
@@ -188,7 +188,7 @@ class LeastTimePlanner {
                           TimeByFramesS(measurements, exact) <= limits_.time_s.value_or(kNever_s);
     if (given_keeps_limits_) {
       best_time_s_ = EstimatedTimeS(measurements);
-      best_settled_ = needed_;
+      best_satisfied_ = needed_;
     }
     return absl::OkStatus();
   }
@@ -389,19 +389,20 @@ class LeastTimePlanner {
       } else if (feasible) {
         auto score = run_.Score(scans, true);
         if (!score.ok()) return score.status();
-        const int64_t settled = std::min(score->Claimed(), needed_);
-        if (settled > best_settled_ || (settled == best_settled_ && time_s < best_time_s_)) {
-          if (settled >= needed_ || limited) {
+        const int64_t satisfied = std::min(score->Claimed(), needed_);
+        if (satisfied > best_satisfied_ ||
+            (satisfied == best_satisfied_ && time_s < best_time_s_)) {
+          if (satisfied >= needed_ || limited) {
             best_ = std::vector<Measurement>(scans.begin() + static_cast<std::ptrdiff_t>(fixed_),
                                              scans.end());
             best_time_s_ = time_s;
-            best_settled_ = settled;
+            best_satisfied_ = satisfied;
           }
         }
-        if (settled >= needed_) return absl::OkStatus();
+        if (satisfied >= needed_) return absl::OkStatus();
         // Worth of the targets that are missing.
-        aim_ *= 1 + 1.02 * static_cast<double>(needed_ - settled) /
-                        static_cast<double>(std::max<int64_t>(1, settled));
+        aim_ *= 1 + 1.02 * static_cast<double>(needed_ - satisfied) /
+                        static_cast<double>(std::max<int64_t>(1, satisfied));
         aim_ = std::min(aim_, pool_.MostWorth());
       }
       Choose();
@@ -518,7 +519,7 @@ class LeastTimePlanner {
   int64_t needed_ = 0;  // targets to satisfy, exactly
   std::optional<std::vector<Measurement>> best_;
   double best_time_s_ = kNever_s;
-  int64_t best_settled_ = -1;  // -1: no plan yet that keeps the limits
+  int64_t best_satisfied_ = -1;  // -1: no plan yet that keeps the limits
   bool given_keeps_limits_ = false;
 };
 

@@ -284,7 +284,7 @@ class TwiceGainModel : public FunctionGainModel {
     for (size_t t = 0; t < kLineTargets; ++t) {
       int times = 0;
       for (const ScanCoverage& scan : *scans) times += scan.covered.Test(t);
-      score.settled += times >= 2;
+      score.satisfied += times >= 2;
     }
     score.judged = kLineTargets;
     return score;

@@ -32,7 +32,7 @@ class StartFileTest : public testing::Test {
     start.seed = -7;
     start.stop_reason = StopReason::kMaxScans;
     start.evaluations = (int64_t{1} << 60) + 1;
-    start.settled = random.Uniform();
+    start.satisfied = random.Uniform();
     start.cost = 1e4 * random.Uniform();
     for (int i = 0; i < 50; ++i) {
       std::array<double, kMeasurementParameters> values;
@@ -51,7 +51,7 @@ class StartFileTest : public testing::Test {
     EXPECT_EQ(a.seed, b.seed);
     EXPECT_EQ(a.stop_reason, b.stop_reason);
     EXPECT_EQ(a.evaluations, b.evaluations);
-    EXPECT_EQ(a.settled, b.settled);
+    EXPECT_EQ(a.satisfied, b.satisfied);
     EXPECT_EQ(a.cost, b.cost);
     EXPECT_EQ(a.scans, b.scans);
     ASSERT_EQ(a.bound.has_value(), b.bound.has_value());

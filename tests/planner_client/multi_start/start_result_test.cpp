@@ -13,12 +13,12 @@ namespace sightline {
 namespace {
 
 // Every scan costs 1 unless `cost` says otherwise.
-StartResult Start(int64_t seed, StopReason reason, int scans, double settled, double cost = -1) {
+StartResult Start(int64_t seed, StopReason reason, int scans, double satisfied, double cost = -1) {
   StartResult start;
   start.seed = seed;
   start.stop_reason = reason;
   start.scans.resize(static_cast<size_t>(scans));
-  start.settled = settled;
+  start.satisfied = satisfied;
   start.cost = cost < 0 ? scans : cost;
   return start;
 }

@@ -138,7 +138,7 @@ TEST(MakeParetoFrontTest, HasNoDominatedPointsAndTheirNumbersAreThoseOfTheirScan
       covered |= scan.covered;
       frames.push_back({scan.first_frame, scan.last_frame});
     }
-    EXPECT_EQ(a.score.settled, covered.Count());
+    EXPECT_EQ(a.score.satisfied, covered.Count());
     EXPECT_EQ(a.reaches_goal, covered.Count() >= 160);
     EXPECT_EQ(a.time.Total_s(),
               TimeOfPlan(request.execution, request.scan_step_m, scans, frames, 0).Total_s());
@@ -238,7 +238,7 @@ TEST(MakeParetoFrontTest, WorksWhereOnlyWholePlansAreScored) {
   EXPECT_TRUE(made->front.points[*chosen].reaches_goal);
   for (const ParetoPoint& point : made->front.points) {
     EXPECT_GE(point.scans.size(), 1u);
-    EXPECT_EQ(point.score.settled, gain_model.ScorePlan(ScansOf(point), true)->settled);
+    EXPECT_EQ(point.score.satisfied, gain_model.ScorePlan(ScansOf(point), true)->satisfied);
   }
 }
 

@@ -10,11 +10,11 @@
 namespace sightline {
 namespace {
 
-ParetoPoint Point(int scans, double seconds, int64_t settled, bool goal = false) {
+ParetoPoint Point(int scans, double seconds, int64_t satisfied, bool goal = false) {
   ParetoPoint point;
   point.scans.resize(static_cast<size_t>(scans));
   point.time.scan_s = seconds;
-  point.score.settled = settled;
+  point.score.satisfied = satisfied;
   point.score.judged = 100;
   point.reaches_goal = goal;
   return point;
@@ -32,9 +32,9 @@ TEST(ParetoFrontTest, APointDominatesWhatIsNowhereBetter) {
 TEST(ParetoFrontTest, WhatCountsIsWhatAPlanCanClaim) {
   // As good on its own targets, worse on validation targets.
   ParetoPoint a = Point(2, 10, 50), b = Point(2, 10, 50);
-  a.score.fresh_judged = b.score.fresh_judged = 100;
-  a.score.fresh_settled = 50;
-  b.score.fresh_settled = 40;
+  a.score.validation_judged = b.score.validation_judged = 100;
+  a.score.validation_satisfied = 50;
+  b.score.validation_satisfied = 40;
   EXPECT_TRUE(Dominates(a, b));
 }
 

@@ -32,7 +32,7 @@ ParetoTask FrontTask() {
   return task;
 }
 
-ParetoPoint FrontPoint(int scans, double seconds, int64_t settled, int64_t fresh) {
+ParetoPoint FrontPoint(int scans, double seconds, int64_t satisfied, int64_t fresh) {
   ParetoPoint point;
   for (int i = 0; i < scans; ++i) {
     ChosenScan scan;
@@ -44,10 +44,10 @@ ParetoPoint FrontPoint(int scans, double seconds, int64_t settled, int64_t fresh
   point.time.scan_s = seconds;
   point.time.frame_rate_s = 0.25 * seconds;
   point.time.reposition_s = 2.0 * (scans - 1);
-  point.score.settled = settled;
+  point.score.satisfied = satisfied;
   point.score.judged = 100;
-  point.score.fresh_settled = fresh;
-  point.score.fresh_judged = 50;
+  point.score.validation_satisfied = fresh;
+  point.score.validation_judged = 50;
   point.reaches_goal = point.Claimed() >= 95;
   return point;
 }
@@ -222,11 +222,11 @@ TEST(ParetoJsonTest, NumbersThatExactEvaluationDoesNotGiveAreRefused) {
   const ParetoPoint point = FrontPoint(2, 9, 70, 35);
   EXPECT_TRUE(CheckSameNumbers(front.points(1), point.score, point.time, "p").ok());
   PlanScore score = point.score;
-  score.settled = 69;
+  score.satisfied = 69;
   EXPECT_THAT(Error(CheckSameNumbers(front.points(1), score, point.time, "p")),
               HasSubstr("points[1].settled_targets is 70, must be 69"));
   score = point.score;
-  score.fresh_settled = 36;
+  score.validation_satisfied = 36;
   EXPECT_THAT(Error(CheckSameNumbers(front.points(1), score, point.time, "p")),
               HasSubstr("points[1].fresh_settled_targets"));
   PlanTime time = point.time;

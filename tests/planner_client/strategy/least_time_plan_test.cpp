@@ -137,13 +137,13 @@ TEST_F(LeastTimePlanTest, KeepsItsLimits) {
   const auto two_places = PlanInLeastTime(gain_model, request, *plan, {});
   ASSERT_TRUE(two_places.ok());
   EXPECT_LE(CountsOf(request, *two_places).places, 2);
-  EXPECT_GT(two_places->score.settled, 0);
+  EXPECT_GT(two_places->score.satisfied, 0);
   request.goal.max_sensor_places.reset();
   request.goal.execution_time_s = 2500;
   const auto in_time = PlanInLeastTime(gain_model, request, *plan, {});
   ASSERT_TRUE(in_time.ok());
   EXPECT_LE(TimeOf(request, *in_time), 2500);
-  EXPECT_GT(in_time->score.settled, 0);
+  EXPECT_GT(in_time->score.satisfied, 0);
   if (in_time->score.Claimed() < 270) {
     EXPECT_EQ(in_time->stop_reason, StopReason::kExecutionLimit);
   }

@@ -207,13 +207,13 @@ TEST(ScanCountTest, SettlesMostWithSoManyScansWhateverTheGoal) {
   const auto one = MakePlan(gain_model, request);
   ASSERT_TRUE(one.ok());
   ASSERT_EQ(one->scans.size(), 1u);
-  EXPECT_EQ(one->score.settled, 40);  // the window in the middle
+  EXPECT_EQ(one->score.satisfied, 40);  // the window in the middle
   EXPECT_EQ(one->stop_reason, StopReason::kMaxScans);
   request.scan_count = 2;
   const auto two = MakePlan(gain_model, request);
   ASSERT_TRUE(two.ok());
   EXPECT_EQ(two->scans.size(), 2u);
-  EXPECT_EQ(two->score.settled, 60);
+  EXPECT_EQ(two->score.satisfied, 60);
   // No more scans than it takes.
   request.scan_count = 5;
   const auto five = MakePlan(gain_model, request);
@@ -237,7 +237,7 @@ TEST(ScanCountTest, GreedyStrategiesKeepToItToo) {
     const auto plan = MakePlan(gain_model, request);
     ASSERT_TRUE(plan.ok());
     EXPECT_EQ(plan->scans.size(), 2u);
-    EXPECT_EQ(plan->score.settled, 50);  // greedy: the middle, then one end
+    EXPECT_EQ(plan->score.satisfied, 50);  // greedy: the middle, then one end
   }
 }
 
@@ -255,7 +255,7 @@ TEST(RefinedPlanTest, CandidatesOfOnePlanHelpTheNext) {
   request.evaluations_per_scan += static_cast<int64_t>(plan->candidates.size());
   const auto with = MakePlan(gain_model, request);
   ASSERT_TRUE(without.ok() && with.ok());
-  EXPECT_GT(with->score.settled, without->score.settled);
+  EXPECT_GT(with->score.satisfied, without->score.satisfied);
 }
 
 TEST(RefinedPlanTest, NeedsFewerScansThanGreedyForTheSameBudget) {
@@ -380,7 +380,7 @@ TEST(PlanForShares, ScansAddUpUntilTargetsAreSettled) {
     const auto plan = MakePlan(gain_model, request);
     ASSERT_TRUE(plan.ok()) << strategy << plan.status();
     EXPECT_EQ(plan->stop_reason, StopReason::kGoalReached) << strategy;
-    EXPECT_EQ(plan->score.settled, static_cast<int64_t>(ShareGainModel::kTargets));
+    EXPECT_EQ(plan->score.satisfied, static_cast<int64_t>(ShareGainModel::kTargets));
     EXPECT_GE(plan->scans.size(), 6u);
     EXPECT_LE(plan->scans.size(), std::string(strategy) == "refined" ? 7u : 9u) << strategy;
     ASSERT_EQ(plan->coverage_curve.size(), plan->scans.size());

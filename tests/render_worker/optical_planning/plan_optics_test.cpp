@@ -119,12 +119,12 @@ TEST(PlanOptics, FreshImagesLieInTheIntervals) {
   constexpr int kFresh = 20;
   for (int seed = 0; seed < kFresh; ++seed) {
     StepOptions fresh = step;
-    const auto fresh_scene = StepScene(fresh);
+    const auto validation_scene = StepScene(fresh);
     // Another piece of the same surface: its own speckle and noise.
     request = StepFrame(0.002 + 1e-7 * (seed + 1));
     request.setting = CameraSetting{
         best.f_number(), best.exposure_time_s(), best.focus_distance_m(), 0.005, 0, 0};
-    auto rendered = RenderPartFrame(*fresh_scene, request, {}, false, TwoThreads());
+    auto rendered = RenderPartFrame(*validation_scene, request, {}, false, TwoThreads());
     ASSERT_TRUE(rendered.ok()) << rendered.status();
     FrameSetup frame = PartFrameSetup(scene->inspection(), request);
     frame.plate.camera_distance_m = light->median_line_depth_m;

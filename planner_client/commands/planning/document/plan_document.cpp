@@ -206,13 +206,14 @@ absl::Status AddUncertainty(const PlanningSession& session, PlanDocument& docume
   if (!requirements.features.empty() || !requirements.unbound.empty()) {
     if (absl::Status status = AddVerdicts(session, feasible, document); !status.ok()) return status;
   }
-  if (session.fresh_client && !feasible.empty()) {
+  if (session.validation_client && !feasible.empty()) {
     auto score = session.gain_model->ScorePlan(feasible, true);
     if (!score.ok()) return score.status();
-    const auto fresh = static_cast<double>(std::max<int64_t>(1, score->fresh_judged));
-    message.set_fresh_judged_targets(score->fresh_judged);
-    message.set_fresh_admissible_fraction(static_cast<double>(*score->fresh_settled) / fresh);
-    message.set_fresh_relaxed_fraction(static_cast<double>(*score->fresh_relaxed) / fresh);
+    const auto fresh = static_cast<double>(std::max<int64_t>(1, score->validation_judged));
+    message.set_fresh_judged_targets(score->validation_judged);
+    message.set_fresh_admissible_fraction(static_cast<double>(*score->validation_satisfied) /
+                                          fresh);
+    message.set_fresh_relaxed_fraction(static_cast<double>(*score->validation_relaxed) / fresh);
   }
   return absl::OkStatus();
 }
@@ -275,7 +276,8 @@ absl::StatusOr<PlanDocument> MakePlanDocument(const PlanningSession& session,
   plan.set_stop_reason(source.stop_reason);
 
   TargetBits covered(static_cast<size_t>(scene.target_count)), ungated = covered;
-  TargetBits fresh_covered(session.fresh_client ? session.fresh_client->targets().size() : 0);
+  TargetBits validation_covered(
+      session.validation_client ? session.validation_client->targets().size() : 0);
   v1::PlanCost& cost = *plan.mutable_cost();
   double error_sum = 0, error_max = 0;
   for (size_t i = 0; i < document.scans.size(); ++i) {
@@ -285,8 +287,8 @@ absl::StatusOr<PlanDocument> MakePlanDocument(const PlanningSession& session,
     scan.set_covered_targets(chosen.exact.covered.Count());
     scan.set_new_targets(chosen.exact.covered.CountNotIn(covered));
     covered |= chosen.exact.covered;
-    if (chosen.exact.fresh_covered.size() == fresh_covered.size())
-      fresh_covered |= chosen.exact.fresh_covered;
+    if (chosen.exact.validation_covered.size() == validation_covered.size())
+      validation_covered |= chosen.exact.validation_covered;
     if (chosen.exact.covered_without_normal_gate.size() == ungated.size())
       ungated |= chosen.exact.covered_without_normal_gate;
     scan.set_cumulative_targets(covered.Count());
@@ -326,10 +328,10 @@ absl::StatusOr<PlanDocument> MakePlanDocument(const PlanningSession& session,
     coverage.set_fast_mean_absolute_error(error_sum / static_cast<double>(document.scans.size()));
   coverage.set_fast_max_absolute_error(error_max);
   coverage.set_goal(session.inspection.goal.coverage);
-  if (session.fresh_client && !session.ForUncertainty()) {
-    const int64_t fresh = session.fresh_client->measurable().Count();
+  if (session.validation_client && !session.ForUncertainty()) {
+    const int64_t fresh = session.validation_client->measurable().Count();
     coverage.set_fresh_measurable_targets(fresh);
-    coverage.set_fresh_coverage(static_cast<double>(fresh_covered.Count()) /
+    coverage.set_fresh_coverage(static_cast<double>(validation_covered.Count()) /
                                 static_cast<double>(std::max<int64_t>(1, fresh)));
   }
   AddSetups(session, &plan);

@@ -85,7 +85,7 @@ absl::StatusOr<double> SettledFraction(GainModel& gain_model, std::span<const Me
   if (!gain_model.ScoresPlans()) return static_cast<double>(covered.Count()) / all;
   auto score = gain_model.ScorePlan(feasible, true);
   if (!score.ok()) return score.status();
-  return static_cast<double>(score->settled) / all;
+  return static_cast<double>(score->satisfied) / all;
 }
 
 std::string Triple(const v1::Vector3& v, double scale) {
@@ -243,7 +243,7 @@ absl::Status AskMeasuredPoints(const EarlierPlan& earlier, PlanningSession* sess
   CoverageClient& client = *session->client;
   MeasuredTargets planned = MeasuredTargetsOf(*session, client, JudgedOf(*session, client));
   std::optional<MeasuredTargets> fresh;
-  if (CoverageClient* other = session->fresh_client.get()) {
+  if (CoverageClient* other = session->validation_client.get()) {
     fresh = MeasuredTargetsOf(*session, *other, JudgedOf(*session, *other));
   }
   auto gain_model = std::make_unique<MeasuredGainModel>(

@@ -103,7 +103,7 @@ std::string LimitsText(const TargetSampling& targets) {
 absl::Status MakeGainModel(PlanningSession& session) {
   if (!session.ForUncertainty()) {
     session.gain_model =
-        std::make_unique<CoverageGainModel>(*session.client, session.fresh_client.get());
+        std::make_unique<CoverageGainModel>(*session.client, session.validation_client.get());
     return absl::OkStatus();
   }
   const Requirements& requirements = *session.requirements;
@@ -115,7 +115,7 @@ absl::Status MakeGainModel(PlanningSession& session) {
                                  requirements.relaxed_uncertainty_m)};
   };
   auto gain_model = std::make_unique<UncertaintyGainModel>(
-      judge(session.client.get()), judge(session.fresh_client.get()), model,
+      judge(session.client.get()), judge(session.validation_client.get()), model,
       session.inspection.goal.gain, requirements.relaxed_uncertainty_m);
   PrintTextTo(stderr, "tolerances: they bind %lld of the measurable targets\n",
               static_cast<long long>(gain_model->measurable().Count()));
@@ -254,17 +254,18 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
   client.on_progress = [&progress](double fraction, const std::string& message) {
     progress.Show(fraction, message);
   };
-  CoverageTask fresh_task = task;
+  CoverageTask validation_task = task;
   auto opened = CoverageClient::Open(client, std::move(task));
   if (!opened.ok()) return opened.status();
   session.client = std::move(*opened);
   if (options.fresh_targets) {
     progress.Enter({middle, kOpenSessionPhase.end});
-    fresh_task.sampling.seed = FreshSeed(fresh_task.sampling.seed);
-    fresh_task.field_directions = std::min(fresh_task.field_directions, kFreshFieldDirections);
-    auto fresh = CoverageClient::Open(std::move(client), std::move(fresh_task));
+    validation_task.sampling.seed = FreshSeed(validation_task.sampling.seed);
+    validation_task.field_directions =
+        std::min(validation_task.field_directions, kFreshFieldDirections);
+    auto fresh = CoverageClient::Open(std::move(client), std::move(validation_task));
     if (!fresh.ok()) return fresh.status();
-    session.fresh_client = std::move(*fresh);
+    session.validation_client = std::move(*fresh);
   }
   progress.Finish();
   const SceneInfo& scene = session.client->scene();

@@ -70,8 +70,8 @@ struct PlanningSession {
   std::shared_ptr<const RobotCell> robot;  // null without rig.robot
   std::unique_ptr<EmbeddedServer> server;  // null with --coverage-server
   std::unique_ptr<CoverageClient> client;
-  std::unique_ptr<CoverageClient> fresh_client;  // null without validation targets
-  std::optional<Requirements> requirements;      // of inspections with tolerances
+  std::unique_ptr<CoverageClient> validation_client;  // null without validation targets
+  std::optional<Requirements> requirements;           // of inspections with tolerances
   // For coverage, or for uncertainty where the goal asks for it.
   std::unique_ptr<GainModel> gain_model;
   double open_time_s = 0;  // from start to the first possible query

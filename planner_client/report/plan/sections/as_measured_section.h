@@ -12,7 +12,7 @@
 namespace sightline {
 
 // Pose with uncertainty, what the points do not fix, deviations as a histogram and on the part, and
-// what changed. `scans`: of the plan. `for_uncertainty`: whether settled means known admissibly,
+// what changed. `scans`: of the plan. `for_uncertainty`: whether satisfied means known admissibly,
 // else covered. Errors as DeviationViews.
 absl::StatusOr<ReportBlocks> AsMeasuredBlocks(const v1::AsMeasured& found, int scans,
                                               bool for_uncertainty,

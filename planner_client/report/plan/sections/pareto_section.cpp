@@ -57,9 +57,10 @@ ReportCells RowOf(const v1::ParetoFront& front, const v1::ParetoPoint& point) {
       row.push_back(NumberCell(seconds, FixedNumber(seconds, 1)));
     }
   }
-  v1::ReportCell settled = NumberCell(100 * point.settled(), FixedNumber(100 * point.settled(), 2));
-  settled.set_strong(true);
-  row.push_back(settled);
+  v1::ReportCell satisfied =
+      NumberCell(100 * point.settled(), FixedNumber(100 * point.settled(), 2));
+  satisfied.set_strong(true);
+  row.push_back(satisfied);
   row.push_back(CountCell(point.settled_targets()));
   if (front.fresh_judged_targets() > 0) row.push_back(CountCell(point.fresh_settled_targets()));
   row.push_back(

@@ -21,16 +21,16 @@ v1::ParetoFront Front() {
   front.set_chosen(2);
   front.set_judged_targets(1000);
   front.set_fresh_judged_targets(1000);
-  const double seconds[] = {10, 24, 20}, settled[] = {0.4, 0.96, 0.7};
+  const double seconds[] = {10, 24, 20}, satisfied[] = {0.4, 0.96, 0.7};
   for (int i = 0; i < 3; ++i) {
     v1::ParetoPoint& point = *front.add_points();
     point.set_number(i + 1);
     point.set_scans(i + 1);
     point.set_time_s(seconds[i]);
-    point.set_settled(settled[i]);
-    point.set_settled_targets(static_cast<int64_t>(1000 * settled[i]));
+    point.set_settled(satisfied[i]);
+    point.set_settled_targets(static_cast<int64_t>(1000 * satisfied[i]));
     point.set_fresh_settled_targets(point.settled_targets());
-    point.set_reaches_goal(settled[i] > 0.95);
+    point.set_reaches_goal(satisfied[i] > 0.95);
   }
   v1::ParetoPoint& other = *front.add_dominated();
   other.set_scans(3);
