@@ -77,8 +77,8 @@ Json CompareWithFresh(const Options& options, Inspection inspection,
   const auto scene = Load(inspection);
   int in_u = 0, in_coverage = 0, in_cost = 0;
   std::vector<double> u, coverage;
-  const LineCost cost{inspection.optics->prior_uncertainty_px,
-                      inspection.optics->false_line_weight};
+  const LineCost cost{inspection.optics->prior_uncertainty_px, inspection.optics->false_line_weight,
+                      inspection.optics->max_clipped_fraction};
   const auto holds = [](const QualityEstimate::Interval& interval, double value) {
     return value >= interval.lower && value <= interval.upper ? 1 : 0;
   };

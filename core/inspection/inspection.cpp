@@ -677,7 +677,12 @@ absl::StatusOr<Inspection> ParseInspection(const v1::Inspection& given, const st
   take(ParsePlacement(message.placement(), inspection, check), &inspection.placement);
   errors.Add(ParseImaging(message, context, &inspection));
   if (inspection.rig.lens) {
-    take(ParseOpticsPlanning(message.optics(), *inspection.rig.lens, context), &inspection.optics);
+    if (take(ParseOpticsPlanning(message.optics(), *inspection.rig.lens, context),
+             &inspection.optics) &&
+        inspection.defaults == DefaultsVersion::k0_1 &&
+        !message.optics().has_max_clipped_fraction()) {
+      inspection.optics->max_clipped_fraction = 1;
+    }
   } else if (message.has_optics() && !message.has_lens()) {
     errors.Add(check.Error("optics", "is given without a lens"));
   }

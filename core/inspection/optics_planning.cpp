@@ -17,6 +17,7 @@ constexpr Limits kExposures{2, 2000, ""};
 constexpr Limits kPlannedLaserPower{0, 100, " W", true};
 constexpr Limits kPriorUncertainty{0, 1000, " px", true};
 constexpr Limits kWeight{0, 1000, ""};
+constexpr Limits kFraction{0, 1, ""};
 constexpr Limits kMotionBlur{0, 100, " px", true};
 constexpr Limits kCostOfTime{0, 1e6, " px/s"};
 constexpr Limits kRealisations{2, 64, ""};
@@ -187,6 +188,9 @@ absl::StatusOr<OpticsPlanning> ParseOpticsPlanning(const v1::OpticsPlanning& mes
   SIGHTLINE_RETURN_IF_ERROR(number("false_line_weight", message.has_false_line_weight(),
                                    message.false_line_weight(), kWeight,
                                    &planning.false_line_weight));
+  SIGHTLINE_RETURN_IF_ERROR(number("max_clipped_fraction", message.has_max_clipped_fraction(),
+                                   message.max_clipped_fraction(), kFraction,
+                                   &planning.max_clipped_fraction));
   SIGHTLINE_RETURN_IF_ERROR(number("max_motion_blur_px", message.has_max_motion_blur_px(),
                                    message.max_motion_blur_px(), kMotionBlur,
                                    &planning.max_motion_blur_px));

@@ -46,6 +46,7 @@ struct OpticsPlanning {
   bool two_exposures = false;
   double prior_uncertainty_px = 3;
   double false_line_weight = 0;
+  double max_clipped_fraction = 0.1;
   double max_motion_blur_px = 0.5;
   double cost_px_per_s = 0;
   int realisations = 4;

@@ -24,11 +24,13 @@ size_t EndOfColumn(const Items& items, size_t begin, int column) {
 
 // Change of u, sqrt of the variance, per sum.
 struct Slopes {
-  double found = 0, deviation = 0, deviation2 = 0, crossings = 0, columns = 0, false_lines = 0;
+  double found = 0, clipped = 0, deviation = 0, deviation2 = 0, crossings = 0, columns = 0,
+         false_lines = 0;
 
   double operator()(const LineSums& s) const {
-    return found * s.found + deviation * s.deviation_px + deviation2 * s.deviation2_px2 +
-           crossings * s.crossings + columns * s.columns + false_lines * s.false_lines;
+    return found * s.found + clipped * s.clipped + deviation * s.deviation_px +
+           deviation2 * s.deviation2_px2 + crossings * s.crossings + columns * s.columns +
+           false_lines * s.false_lines;
   }
 };
 
@@ -94,6 +96,15 @@ std::vector<LineSums> CompareLine(const std::vector<LinePoint>& detected,
   return blocks;
 }
 
+namespace {
+
+// Part of the found crossings that counts as found.
+double CountedPart(double clipped_fraction, const LineCost& cost) {
+  return 1 - std::max(0.0, clipped_fraction - cost.max_clipped_fraction);
+}
+
+}  // namespace
+
 LineQuality QualityOf(const LineSums& sums, const LineCost& cost) {
   LineQuality quality;
   quality.u_px = cost.prior_uncertainty_px;
@@ -108,7 +119,7 @@ LineQuality QualityOf(const LineSums& sums, const LineCost& cost) {
     const double squares = sums.deviation2_px2 - sums.found * quality.bias_px * quality.bias_px;
     quality.u_px = std::sqrt(std::max(squares, 0.0) / (sums.found - 1));
   }
-  const double a = quality.profile_coverage;
+  const double a = quality.profile_coverage * CountedPart(quality.clipped_fraction, cost);
   quality.cost =
       a * quality.u_px + (1 - a) * cost.prior_uncertainty_px +
       cost.false_line_weight * cost.prior_uncertainty_px * quality.false_lines_per_column;
@@ -128,7 +139,7 @@ QualityEstimate::QualityEstimate(const std::vector<std::vector<LineSums>>& sums,
   crossings_ = total.crossings;
   mean_ = QualityOf(total, cost);
 
-  // Derivatives of the six numbers by the sums of one realisation.
+  // Derivatives of the numbers by the sums of one realisation.
   Slopes u, bias, rms, coverage, false_lines, f;
   if (total.crossings > 0) {
     coverage.found = 1 / total.crossings;
@@ -153,10 +164,16 @@ QualityEstimate::QualityEstimate(const std::vector<std::vector<LineSums>>& sums,
       u.found = (2 * mean_.bias_px * mean_.bias_px - m2) / (2 * mean_.u_px * total.found);
     }
   }
-  const double a = mean_.profile_coverage;
-  const double by_coverage = mean_.u_px - cost.prior_uncertainty_px;
+  const double counted = CountedPart(mean_.clipped_fraction, cost);
+  const double a = mean_.profile_coverage * counted;
+  const double by_coverage = (mean_.u_px - cost.prior_uncertainty_px) * counted;
   const double by_false = cost.false_line_weight * cost.prior_uncertainty_px;
   f.found = a * u.found + by_coverage * coverage.found;
+  if (counted < 1) {
+    const double by_clipped = -mean_.profile_coverage * (mean_.u_px - cost.prior_uncertainty_px);
+    f.clipped = by_clipped / total.found;
+    f.found -= by_clipped * mean_.clipped_fraction / total.found;
+  }
   f.deviation = a * u.deviation;
   f.deviation2 = a * u.deviation2;
   f.crossings = by_coverage * coverage.crossings;

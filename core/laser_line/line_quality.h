@@ -45,6 +45,10 @@ struct LineCost {
   double prior_uncertainty_px = 3;  // u_pr of thesis eq. 6.5; 3 px there
   // Cost of one false line per column, in units of u_pr; 0 in the thesis.
   double false_line_weight = 0;
+  // Part of the detected points that may be clipped, in [0, 1]. More of them count as crossings
+  // that were not found, since the middle of a clipped profile follows the noise of its flanks. 1:
+  // no limit, as in the thesis.
+  double max_clipped_fraction = 1;
 };
 
 struct LineQuality {
@@ -54,7 +58,8 @@ struct LineQuality {
   double profile_coverage = 0;  // a_cov, share of the crossings that are found
   double false_lines_per_column = 0;
   double clipped_fraction = 0;  // of the found crossings
-  // f = a_cov u_px + (1 - a_cov) u_pr (thesis eq. 6.5) + weight u_pr false lines per column.
+  // f = a u_px + (1 - a) u_pr (thesis eq. 6.5) + weight u_pr false lines per column, where
+  // a = a_cov (1 - max(0, clipped fraction - its limit)).
   double cost = 0;
 };
 
@@ -96,7 +101,7 @@ class QualityEstimate {
   double StandardErrorOfDifference(const QualityEstimate& other) const;
 
  private:
-  // Changes of the six numbers by every block and realisation, less their mean over realisations.
+  // Changes of the numbers by every block and realisation, less their mean over realisations.
   struct Change {
     double u_px, bias_px, rms_px, profile_coverage, false_lines_per_column, cost;
   };

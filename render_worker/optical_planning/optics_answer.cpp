@@ -35,7 +35,28 @@ QualityEstimate::Interval AsGoodRange(const std::vector<const JudgedSetting*>& s
   return range;
 }
 
-std::string Statement(const SettingChoice& choice) {
+// Frames that show no line, and clipping beyond the limit; empty: neither.
+std::string WhatIsLost(const JudgedSetting& best, double max_clipped_fraction) {
+  std::string text;
+  const auto dark = std::count_if(best.frames.begin(), best.frames.end(), [](const LineSums& sums) {
+    return sums.crossings > 0 && sums.found == 0;
+  });
+  if (dark > 0) {
+    absl::StrAppend(
+        &text, absl::StrFormat(" No line is found in %d of %d frames.", dark, best.frames.size()));
+  }
+  const double clipped = best.quality.mean().clipped_fraction;
+  if (clipped > max_clipped_fraction) {
+    absl::StrAppend(
+        &text, absl::StrFormat(" %.0f %% of its points are clipped, more than the permitted %.0f "
+                               "%%: a shorter exposure, less power or a higher f-number is needed "
+                               "than the ranges allow.",
+                               100 * clipped, 100 * max_clipped_fraction));
+  }
+  return text;
+}
+
+std::string Statement(const SettingChoice& choice, double max_clipped_fraction) {
   std::vector<std::string> others;
   for (size_t n = 0; n < choice.curve.size(); ++n) {
     const FNumberChoice& here = choice.curve[n];
@@ -53,9 +74,13 @@ std::string Statement(const SettingChoice& choice) {
                            best.setting.lens.f_number, 1e3 * best.setting.exposure_time_s,
                            1e3 * best.setting.second_exposure_time_s, best.cost());
   }
-  if (others.empty()) return absl::StrCat(text, "; no other f-number is as good.");
-  return absl::StrCat(text, "; ", absl::StrJoin(others, ", "),
-                      " are not significantly worse in the simulated images.");
+  if (others.empty()) {
+    absl::StrAppend(&text, "; no other f-number is as good.");
+  } else {
+    absl::StrAppend(&text, "; ", absl::StrJoin(others, ", "),
+                    " are not significantly worse in the simulated images.");
+  }
+  return absl::StrCat(text, WhatIsLost(best, max_clipped_fraction));
 }
 
 }  // namespace
@@ -181,7 +206,7 @@ v1::OpticsChoice ChoiceToProto(const SettingChoice& choice, const Inspection& in
     entry->set_name(alternative.name);
     *entry->mutable_point() = point(alternative.judged);
   }
-  answer.set_statement(Statement(choice));
+  answer.set_statement(Statement(choice, inspection.optics->max_clipped_fraction));
   answer.set_longest_exposure_time_s(choice.limit.longest_s.value_or(0));
   answer.set_longest_because(choice.limit.because);
   answer.set_scan_time_s(answer.best().scan_time_s());

@@ -400,7 +400,8 @@ class OpticsPlanner {
   absl::Status AddFrames(const FrameGroup& group, SettingJudge& judge, const JudgedSetting& best,
                          v1::OpticsChoice* answer) {
     if (absl::Status s = judge.LookThrough(best.setting.lens); !s.ok()) return s;
-    const LineCost cost{planning_.prior_uncertainty_px, planning_.false_line_weight};
+    const LineCost cost{planning_.prior_uncertainty_px, planning_.false_line_weight,
+                        planning_.max_clipped_fraction};
     for (size_t f = 0; f < group.frames.size(); ++f) {
       const ChosenFrame& chosen = group.frames[f];
       const FrameLight& light = *judge.frames()[f].light;

@@ -133,7 +133,8 @@ JudgedSetting SettingJudge::Summarise(
     frames.push_back((1.0 / static_cast<double>(by_frame[f].size())) * total);
   }
   return {setting, std::move(frames),
-          QualityEstimate(blocks, {planning_.prior_uncertainty_px, planning_.false_line_weight}),
+          QualityEstimate(blocks, {planning_.prior_uncertainty_px, planning_.false_line_weight,
+                                   planning_.max_clipped_fraction}),
           0};
 }
 

@@ -80,9 +80,25 @@ TEST(QualityOf, NothingFoundCostsThePriorUncertainty) {
   EXPECT_DOUBLE_EQ(QualityOf(sums, {}).u_px, 3);
 }
 
-// Sums of blocks as images would give them: deviations normal, a share of the crossings missed.
+// Points that are clipped beyond the permitted part count as not found.
+TEST(QualityOf, ClippedPointsBeyondTheLimitCountAsMissed) {
+  LineSums sums;
+  sums.columns = sums.crossings = 100;
+  sums.found = 80;
+  sums.clipped = 40;
+  sums.deviation2_px2 = 20;
+  const LineQuality without = QualityOf(sums, {}), with = QualityOf(sums, {3, 0, 0.1});
+  EXPECT_DOUBLE_EQ(with.clipped_fraction, 0.5);
+  EXPECT_DOUBLE_EQ(without.cost, 0.8 * without.u_px + 0.2 * 3);
+  // Of 80 points 60 % count: 50 % are clipped, 10 % may be.
+  EXPECT_DOUBLE_EQ(with.cost, 0.48 * with.u_px + 0.52 * 3);
+  EXPECT_DOUBLE_EQ(QualityOf(sums, {3, 0, 0.5}).cost, without.cost);
+}
+
+// Sums of blocks as images would give them: deviations normal, a share of the crossings missed, a
+// share of the found ones clipped.
 std::vector<LineSums> DrawImage(std::mt19937& random, int blocks, double deviation, double bias,
-                                double found) {
+                                double found, double clipped = 0) {
   std::normal_distribution<double> normal(bias, deviation);
   std::bernoulli_distribution is_found(found);
   std::vector<LineSums> sums;
@@ -93,6 +109,7 @@ std::vector<LineSums> DrawImage(std::mt19937& random, int blocks, double deviati
       if (!is_found(random)) continue;
       const double d = normal(random);
       s.found += 1;
+      if (clipped > 0) s.clipped += std::bernoulli_distribution(clipped)(random) ? 1 : 0;
       s.deviation_px += d;
       s.deviation2_px2 += d * d;
     }
@@ -139,14 +156,15 @@ TEST_P(Intervals, HoldFreshImages) {
 INSTANTIATE_TEST_SUITE_P(Realisations, Intervals, ::testing::Values(2, 4, 8));
 
 // The standard error of the mean cost is the scatter of mean costs.
-TEST(QualityEstimate, StandardErrorIsTheScatterOfTheMean) {
+class CostError : public ::testing::TestWithParam<LineCost> {};
+TEST_P(CostError, StandardErrorIsTheScatterOfTheMean) {
   std::mt19937 random(11);
   double sum = 0, squares = 0, variance = 0;
   constexpr int kTrials = 600;
   for (int trial = 0; trial < kTrials; ++trial) {
     std::vector<std::vector<LineSums>> images;
-    for (int r = 0; r < 4; ++r) images.push_back(DrawImage(random, 30, 0.6, 0, 0.8));
-    const QualityEstimate estimate(Transposed(images), {});
+    for (int r = 0; r < 4; ++r) images.push_back(DrawImage(random, 30, 0.6, 0, 0.8, 0.3));
+    const QualityEstimate estimate(Transposed(images), GetParam());
     sum += estimate.mean().cost;
     squares += estimate.mean().cost * estimate.mean().cost;
     variance += estimate.CostStandardError() * estimate.CostStandardError();
@@ -154,6 +172,8 @@ TEST(QualityEstimate, StandardErrorIsTheScatterOfTheMean) {
   const double scatter = std::sqrt(squares / kTrials - sum * sum / kTrials / kTrials);
   EXPECT_NEAR(std::sqrt(variance / kTrials) / scatter, 1, 0.1);
 }
+
+INSTANTIATE_TEST_SUITE_P(Limits, CostError, ::testing::Values(LineCost{}, LineCost{3, 0, 0.1}));
 
 // Chance that two settings share cancels in their difference.
 TEST(QualityEstimate, SharedChanceCancelsInDifferences) {
