@@ -74,10 +74,14 @@ absl::StatusOr<Measurement> FixedMeasurement(const Inspection& inspection,
     }
   }
   if (open.empty()) return FromArray(values);
+  // A resting part has no angles of its own that could be fixed.
+  const char* by_face = inspection.part_holding == PartHolding::kResting && !resting
+                            ? " (part_alpha_deg and part_beta_deg by a single entry of "
+                              "measurement.resting_orientations)"
+                            : "";
   return absl::InvalidArgumentError(
-      absl::StrCat(file, ": measurement does not fix ", open,
-                   "; fix every parameter, or give --plan plan.json or --measurement with nine "
-                   "numbers"));
+      absl::StrCat(file, ": measurement does not fix ", open, "; fix each of them", by_face,
+                   ", or give --plan plan.json or --measurement with nine numbers"));
 }
 
 v1::PartFrame MakeFrame(const v1::Measurement& measurement, double stage_m, int scan, int frame) {
