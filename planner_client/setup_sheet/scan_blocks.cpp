@@ -309,7 +309,7 @@ v1::ReportBlock SheetSensors(const SheetScan& of, bool one_housing) {
                  rows);
   if (!one_housing) return TitledBlock("Sensors", {places, angle});
   return TitledBlock("Sensor head",
-                     {HousingFacts(of), FoldedBlock("Its camera and laser", {places, angle})});
+                     {HousingFacts(of), TitledBlock("Its camera and laser", {places, angle})});
 }
 
 v1::ReportBlock SheetStage(const v1::PlannedScan& scan) {
