@@ -12,7 +12,7 @@ namespace {
 // Targets that the scan satisfies by itself: the matrix has no fractions.
 TargetBits SettledAlone(const GainModel& gain_model, const ScanCoverage& scan) {
   if (!gain_model.ScoresPlans()) return scan.covered;
-  TargetBits settled(gain_model.measurable().size());
+  TargetBits satisfied(gain_model.measurable().size());
   for (size_t i = 0; i < scan.shares.targets.size(); ++i) {
     if (scan.shares.share[i] >= 1) satisfied.Set(scan.shares.targets[i]);
   }

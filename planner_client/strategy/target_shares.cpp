@@ -21,7 +21,7 @@ void AddShares(const TargetShares& scan, std::span<float> known) {
 }
 
 TargetBits Satisfied(const TargetBits& judged, std::span<const float> known) {
-  TargetBits settled(judged.size());
+  TargetBits satisfied(judged.size());
   for (size_t t = 0; t < known.size(); ++t) {
     if (known[t] >= 1) satisfied.Set(t);
   }
