@@ -202,7 +202,7 @@ class PlanningFake(pb_grpc.PlanningServiceServicer):
             if any(p in ("", ".", "..") for p in parts) or file.name in OWN_NAMES:
                 self._invalid(f"files[{i}].name", f"file name '{file.name}' is not allowed")
             names[file.name] = file.digest
-        if request.task.kind not in ("plan", "evaluate", "inspect", "optics", "render", "verify",
+        if request.task.kind not in ("plan", "evaluate", "inspect", "accept", "optics", "render", "verify",
                                      "diagnose"):
             self._invalid("kind", f"is '{request.task.kind}'")
         goal = request.task.plan_options

@@ -225,6 +225,11 @@ class ClientTest(unittest.TestCase):
         with self.assertRaisesRegex(sightline.TaskError, "gone.ply: cannot be read"):
             self.client.inspect(HEAD, plan, ["gone.ply"])
 
+    def test_acceptance_tests_are_asked_for(self):
+        request = self.task(self.client.accept(HEAD, no_images=True, seed=3))
+        self.assertEqual(("accept", True, 3), (
+            request.task.kind, request.task.accept_options.no_images, request.task.seed))
+
     def test_recordings_and_their_images(self):
         self.write("set/images/000.png", "png")
         self.write("set/recordings.json", json.dumps({

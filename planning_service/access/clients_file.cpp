@@ -22,8 +22,8 @@ constexpr int kMaxCertificateNames = 100;
 constexpr size_t kMaxNameBytes = 64;
 constexpr size_t kMaxCertificateNameBytes = 256;
 constexpr int64_t kMaxBytes = 1'000'000'000'000'000;
-const char* const kKinds[] = {"plan",   "evaluate", "inspect", "optics",
-                              "render", "verify",   "diagnose"};
+const char* const kKinds[] = {"plan",   "evaluate", "inspect", "accept",
+                              "optics", "render",   "verify",  "diagnose"};
 
 // The parser quotes the wrong text, which may be a token in the file.
 std::string WithoutSecrets(const std::string& message) {

@@ -32,6 +32,9 @@ constexpr OptionField kInspect[] = {
     {"--no-next-scan", "inspect_options.no_next_scan"},
     {"--evaluations-per-scan", "inspect_options.evaluations_per_scan"},
 };
+constexpr OptionField kAccept[] = {
+    {"--no-images", "accept_options.no_images"},
+};
 constexpr OptionField kOptics[] = {
     {"--scan", "optics_options.scan"},
     {"--frame", "optics_options.frame"},
@@ -98,6 +101,7 @@ std::string WithoutOtherCommands(std::string_view message) {
 std::span<const OptionField> OptionFields(std::string_view kind) {
   if (kind == "plan") return kPlan;
   if (kind == "inspect") return kInspect;
+  if (kind == "accept") return kAccept;
   if (kind == "optics") return kOptics;
   if (kind == "render") return kRender;
   if (kind == "diagnose") return kDiagnose;

@@ -21,6 +21,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
 #include "absl/strings/strip.h"
+#include "core/acceptance/acceptance_settings.h"
 #include "core/digest/sha256.h"
 #include "core/file/atomic_write.h"
 #include "core/inspection/inspection.h"
@@ -159,6 +160,7 @@ const std::map<std::string, KindRules>& Rules() {
       {"plan", {Need::kRequired, Need::kNo, Need::kNo, "plan_options", true}},
       {"evaluate", {Need::kRequired, Need::kRequired, Need::kNo, "", false}},
       {"inspect", {Need::kRequired, Need::kRequired, Need::kNo, "inspect_options", true}},
+      {"accept", {Need::kRequired, Need::kNo, Need::kNo, "accept_options", true}},
       {"optics", {Need::kRequired, Need::kOptional, Need::kNo, "optics_options", true}},
       {"render", {Need::kOptional, Need::kOptional, Need::kOptional, "render_options", true}},
       {"verify", {Need::kNo, Need::kNo, Need::kRequired, "", true}},
@@ -207,7 +209,8 @@ absl::Status CheckKind(const v1::PlanningTask& task) {
                                      std::pair("optics_options", task.has_optics_options()),
                                      std::pair("render_options", task.has_render_options()),
                                      std::pair("diagnose_options", task.has_diagnose_options()),
-                                     std::pair("inspect_options", task.has_inspect_options())}) {
+                                     std::pair("inspect_options", task.has_inspect_options()),
+                                     std::pair("accept_options", task.has_accept_options())}) {
     if (given && rule.options != field) {
       return Invalid(field, absl::StrCat("does not belong to a task of kind ", task.kind()));
     }
@@ -423,14 +426,16 @@ absl::Status CheckInspection(const v1::Inspection& message, const std::set<std::
     return AsViolation(kInspectionFile, "inspection.",
                        WithoutFolder(parsed.status(), folder->path()));
   }
+  const auto acceptance = ParseAcceptance(message.acceptance(), kInspectionFile);
+  if (!acceptance.ok()) return AsViolation(kInspectionFile, "inspection.", acceptance.status());
   return absl::OkStatus();
 }
 
 }  // namespace
 
 const std::vector<std::string>& TaskKinds() {
-  static const std::vector<std::string> kinds = {"plan",   "evaluate", "inspect", "optics",
-                                                 "render", "verify",   "diagnose"};
+  static const std::vector<std::string> kinds = {"plan",   "evaluate", "inspect", "accept",
+                                                 "optics", "render",   "verify",  "diagnose"};
   return kinds;
 }
 
@@ -641,6 +646,8 @@ std::vector<std::string> TaskArguments(const v1::PlanningTask& task, const std::
     arguments.Flag("plan_options.no_point_clouds", options.no_point_clouds());
   } else if (task.kind() == "inspect") {
     AddInspect(task.inspect_options(), &arguments);
+  } else if (task.kind() == "accept") {
+    arguments.Flag("accept_options.no_images", task.accept_options().no_images());
   } else if (task.kind() == "optics") {
     if (has_plan) arguments.Add("plan", std::string(kPlanFile));
     AddFrames("optics_options", task.optics_options(), &arguments);

@@ -14,7 +14,7 @@
 
 namespace sightline {
 
-// "plan", "evaluate", "inspect", "optics", "render", "verify", "diagnose".
+// "plan", "evaluate", "inspect", "accept", "optics", "render", "verify", "diagnose".
 const std::vector<std::string>& TaskKinds();
 
 // Whether a name may stand for a file of a job: a relative path with '/' of at most 200 bytes

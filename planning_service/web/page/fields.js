@@ -21,7 +21,7 @@ const domain = (path, label, unit, fallback, more = {}) =>
   ({type: 'domain', path: `inspection.measurement.${path}`, label, ...unit, fallback, ...more});
 const flag = (path, label, more = {}) => ({type: 'flag', path, label, ...NONE, ...more});
 
-const PLANNING = ['plan', 'evaluate', 'inspect', 'optics', 'render'];
+const PLANNING = ['plan', 'evaluate', 'inspect', 'accept', 'optics', 'render'];
 
 export const SECTIONS = [
   {
@@ -144,6 +144,17 @@ export const SECTIONS = [
       number('inspect_options.pose_prior_m', 'Place of the part, std. dev.', MM, '5'),
       number('inspect_options.pose_prior_deg', 'Turn of the part, std. dev.', DEG, '3'),
       flag('inspect_options.no_next_scan', 'Do not look for the next scan'),
+    ],
+  },
+  {
+    id: 'acceptance', title: 'Acceptance test', kinds: ['accept'],
+    fields: [
+      whole('inspection.acceptance.runs', 'Tests of every artefact', NONE, '200'),
+      number('inspection.acceptance.sphere_diameter_m', 'Diameter of the sphere', MM, 'by the field'),
+      number('inspection.acceptance.ball_bar_length_m', 'Length of the ball bar', MM, 'by the field'),
+      number('inspection.acceptance.plate_side_m', 'Side of the plate', MM, 'by the field'),
+      number('inspection.acceptance.ring_diameter_m', 'Diameter of the ring', MM, 'by the field'),
+      flag('accept_options.no_images', 'Draw detection errors, render nothing'),
     ],
   },
   {

@@ -29,14 +29,15 @@ export function withPath(object, path, value) {
 
 // Options of a kind of job: the field of the task that holds them.
 const OPTIONS_OF_KIND = {
-  plan: 'plan_options', inspect: 'inspect_options', optics: 'optics_options', render: 'render_options',
-  diagnose: 'diagnose_options',
+  plan: 'plan_options', inspect: 'inspect_options', accept: 'accept_options', optics: 'optics_options',
+  render: 'render_options', diagnose: 'diagnose_options',
 };
 
 export const KINDS = {
   plan: {title: 'Plan', text: 'Find the scans that cover the part'},
   evaluate: {title: 'Evaluate', text: 'Exact coverage of given scans'},
   inspect: {title: 'Inspect', text: 'Judge a part by its measured points'},
+  accept: {title: 'Accept', text: 'Acceptance test of the rig, simulated'},
   optics: {title: 'Optics', text: 'Choose f-number, exposure and focus'},
   render: {title: 'Render', text: 'Images as the camera would take them'},
   verify: {title: 'Verify', text: 'Compare recordings with simulation'},

@@ -104,6 +104,19 @@ std::string InspectTask(const std::string& options) {
                       options, "}}");
 }
 
+TEST(PlanningTask, AcceptanceTestsTakeAnInspectionAlone) {
+  const Files files = {{"p.glb", ""}};
+  const std::string given = R"({"kind": "accept", "inspection": {"part": {"file": "p.glb"}})";
+  EXPECT_TRUE(Check(given + R"(, "accept_options": {"no_images": true}})", files).ok());
+  EXPECT_EQ(FieldOf(Check(given + R"(, "plan": {"scans": [{}]}})", files)), "plan");
+  EXPECT_EQ(FieldOf(Check(given + R"(, "plan_options": {}})", files)), "plan_options");
+  EXPECT_EQ(FieldOf(Check(R"({"kind": "accept"})", {})), "inspection");
+  EXPECT_EQ(FieldOf(Check(R"({"kind": "accept", "inspection": {"part": {"file": "p.glb"},
+                              "acceptance": {"runs": 1}}})",
+                          files)),
+            "inspection.acceptance.runs");
+}
+
 TEST(PlanningTask, MeasuredPointsAreJudged) {
   const Files files = {{"p.glb", ""}, {"scans/scan_01.ply", ""}, {"pose.txt", ""}};
   const std::string measured = R"("measured": [{"file": "scans/scan_01.ply"}])";
@@ -301,6 +314,11 @@ TEST(PlanningTask, ArgumentsAreTheCommands) {
   verify.mutable_recordings();
   EXPECT_THAT(SplitTask(verify, "../out", "../checkpoint", 1).conclusion,
               ElementsAre("verify", "recordings.json", "--out=../out"));
+  const v1::PlanningTask accept =
+      Task(R"({"kind": "accept", "inspection": {"part": {"file": "p.glb"}},
+                              "accept_options": {"no_images": true}, "seed": 5})");
+  EXPECT_THAT(SplitTask(accept, "../out", "../checkpoint", 1).conclusion,
+              ElementsAre("accept", "inspection.json", "--out=../out", "--seed=5", "--no-images"));
   v1::PlanningTask optics = Task(R"({"kind": "optics", "plan_job_id": "job-1",
       "inspection": {"part": {"file": "p.glb"}}, "optics_options": {"scan": 2}})");
   EXPECT_THAT(SplitTask(optics, "../out", "../checkpoint", 1).conclusion,

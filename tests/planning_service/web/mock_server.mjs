@@ -21,7 +21,7 @@ const PAGE_POLICY = "default-src 'none'; script-src 'self'; style-src 'self'; im
     "base-uri 'none'; form-action 'self'; frame-ancestors 'none'";
 const REPORT_POLICY = "sandbox allow-scripts allow-downloads; default-src 'none'; img-src data: blob:; " +
     "style-src 'unsafe-inline'; script-src 'unsafe-inline'";
-const KINDS = ['plan', 'evaluate', 'inspect', 'optics', 'render', 'verify', 'diagnose'];
+const KINDS = ['plan', 'evaluate', 'inspect', 'accept', 'optics', 'render', 'verify', 'diagnose'];
 const STEPS = 8;
 
 class Refusal extends Error {

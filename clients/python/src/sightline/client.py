@@ -103,6 +103,15 @@ class Client:
         _set_options(task.inspect_options, options, also=("measured",))
         return self._start(task, found, seed, request_id, priority)
 
+    def accept(self, inspection: Document, *, part: Optional[Mesh] = None, files: Files = None,
+               folder: PathLike = ".", seed: Optional[int] = None, request_id: Optional[str] = None,
+               priority: int = 0, **options: Any) -> Job:
+        """Acceptance test of the rig by simulated artefacts. Options: no_images; the number of
+        tests is acceptance.runs of the inspection."""
+        task, found = self._inspection_task("accept", inspection, part, files, folder)
+        _set_options(task.accept_options, options)
+        return self._start(task, found, seed, request_id, priority)
+
     def optics(self, inspection: Document, plan: Optional[PlanSource] = None, *,
                part: Optional[Mesh] = None, files: Files = None, folder: PathLike = ".",
                other_part: bool = False, seed: Optional[int] = None,
