@@ -14,6 +14,8 @@ import pathlib
 import sys
 
 LEVELS = (5, 20, 100)
+# As `distinguishability` names them.
+BINS_OF_D = ("< 3", "3-10", "> 10")
 # Share of what the true effect changes that another must explain to be as right an answer.
 EXPLAINED_SHARE = 0.98
 # Remaining log-likelihood [nats] up to which recordings cannot tell an effect from the true one.
@@ -344,6 +346,39 @@ def score_without_module(cases):
     return result
 
 
+def score_by_distinguishability(truths, answers, measured):
+    """The rates by bins of D, the log-likelihood that the nearest other explanation loses
+    (`distinguishability` OUT). Known: single and strong effects of the vocabulary; unknown: variants
+    and laws outside it. `measured`: by set."""
+    result = {}
+    for bin_of_d in BINS_OF_D:
+        inside = [t for t in truths if measured.get(t["set"], {}).get("bin") == bin_of_d]
+        known = [t for t in inside if t["kind"] in ("single", "strong")]
+        unknown = [t for t in inside if t["kind"] in ("variant", "outside", "sealed")]
+        tops = [(first(answers.get(t["set"])), t["effects"][0]) for t in known]
+        parts = [excess_removed(t["effects"][0], answers.get(t["set"])) for t in unknown]
+        parts = [part for part in parts if part is not None]
+        named = sum(top is not None and top["effect"] in e["accepted"] for top, e in tops)
+        rejected = sum(top is not None and top["effect"] == "unknown" for top, _ in tops)
+        said = sum(bool(stages_accepted(t["effects"][0]) & set(stages_said(answers.get(t["set"]))))
+                   for t in unknown)
+        right = sum(_is_unknown_at_right_stages(t["effects"][0], answers.get(t["set"]))
+                    for t in unknown)
+        result[bin_of_d] = {
+            "known_named": share(named, len(known)), "known_called_unknown": share(rejected, len(known)),
+            "unknown_right": share(right, len(unknown)), "unknown_stage_said": share(said, len(unknown)),
+            "half_of_excess_removed": share(sum(p >= 0.5 for p in parts), len(parts))}
+    return result
+
+
+def _is_unknown_at_right_stages(effect, answer):
+    """`unknown` with the right stage among the at most two that are said, or an equivalent name."""
+    top = first(answer)
+    if top is not None and top["effect"] == "unknown":
+        return bool(stages_accepted(effect) & set(stages_said(answer)))
+    return right_without_module(effect, answer, [])
+
+
 def confusion(truths, answers, label_truth, label_answer):
     table = {}
     for t in truths:
@@ -519,6 +554,10 @@ def score(out, answers_folder):
                                  case["exclude"]))
     result["leave_one_out"] = score_without_module(left_out)
 
+    measured = out / "distinguishability.json"
+    result["distinguishability"] = score_by_distinguishability(
+        asked, answers, read_json(measured) if measured.exists() else {})
+
     def true_stage(t):
         return "none" if t["is_null"] else t["effects"][0]["stage"]
 
@@ -614,6 +653,14 @@ def report(result):
                                     "stages_said", "wrong_name", "half_of_excess_removed",
                                     "right_and_improved")]
                         for level, g in result[key].items()])
+    lines += ["", "## By distinguishability D, in nats (bench/concealed/README.md)", ""]
+    lines += table(["D", "known effect named first", "known effect called unknown",
+                    "outside law: unknown or equivalent, right stage among at most two",
+                    "right stage among at most two said", "half of held-out excess removed"],
+                   [[bin_of_d] + [share_text(g[k]) for k in
+                                  ("known_named", "known_called_unknown", "unknown_right",
+                                   "unknown_stage_said", "half_of_excess_removed")]
+                    for bin_of_d, g in result["distinguishability"].items()])
     fit = result["fit"]
     lines += ["", "## Fit after the model is added", "",
               f"Held-out fit not rejected (p > 0.01): {share_text(fit['not_rejected'])} of all "

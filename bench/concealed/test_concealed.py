@@ -189,6 +189,27 @@ class Scores(unittest.TestCase):
         # A third stage does not count; without the field the stage of the first explanation does.
         self.assertEqual((row["hits"], row["of"]), (3, 5))
 
+    def test_rates_by_distinguishability(self):
+        law = effect("outside.a", 100, stage="sensor", accepted=["unknown"])
+        truths = [{"set": "s1", "kind": "single", "effects": [effect("optics.coma", 100)]},
+                  {"set": "s2", "kind": "strong", "effects": [effect("optics.coma", 100)]},
+                  {"set": "s3", "kind": "outside", "effects": [law]},
+                  {"set": "s4", "kind": "outside", "effects": [law]}]
+        two = answer(("unknown", "optics", 0.9), held_out=(3, 1))
+        two["located_stages"] = ["optics", "sensor"]
+        answers = {"s1": answer(("optics.coma", "optics", 0.9)),
+                   "s2": answer(("unknown", "optics", 0.9)), "s3": two,
+                   "s4": answer(("time.stage_speed", "time", 0.9))}
+        measured = {"s1": {"bin": "> 10"}, "s2": {"bin": "> 10"}, "s3": {"bin": "> 10"},
+                    "s4": {"bin": "< 3"}}
+        rates = score.score_by_distinguishability(truths, answers, measured)
+        hits = {d: {name: (g["hits"], g["of"]) for name, g in rates[d].items()} for d in rates}
+        self.assertEqual({"known_named": (1, 2), "known_called_unknown": (1, 2),
+                          "unknown_right": (1, 1), "unknown_stage_said": (1, 1),
+                          "half_of_excess_removed": (1, 1)}, hits["> 10"])
+        self.assertEqual((0, 1), hits["< 3"]["unknown_right"])
+        self.assertEqual((0, 0), hits["3-10"]["unknown_right"])
+
     def test_proven_equivalents(self):
         linear = effect("variant.linear_power_drift", 20, "illumination", ["unknown"])
         for k in range(3):
