@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <string>
 
-#include "render_worker/effects/vocabulary.h"
 #include "tests/render_worker/diagnosis/rendered_set.h"
 
 namespace sightline {
@@ -31,9 +30,9 @@ TEST(Diagnose, UnknownExcludedEffectIsRefused) {
 // Three stuck bits change the noise of every recording. Beside a ghost line they are found at once,
 // and the ghost line is found under the covariance that they leave.
 TEST(Diagnose, MissingBitsAreFoundBesideAnotherEffect) {
-  const ActiveEffect bits{&AdcMissingBits(), {3}};
-  ActiveEffect ghost{&GhostLine(), {}};
-  for (const EffectParameter& parameter : GhostLine().description().parameters) {
+  const ActiveEffect bits{FindEffect("sensor.adc_missing_bits"), {3}};
+  ActiveEffect ghost{FindEffect("illumination.ghost_line"), {}};
+  for (const EffectParameter& parameter : ghost.effect->description().parameters) {
     ghost.parameters.push_back(parameter.null_value);
   }
   ghost.parameters[0] = 0.1;

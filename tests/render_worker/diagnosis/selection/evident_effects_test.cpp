@@ -6,8 +6,6 @@
 #include <array>
 #include <vector>
 
-#include "render_worker/effects/vocabulary.h"
-
 namespace sightline {
 namespace {
 
@@ -26,7 +24,7 @@ RecordedSet Ramp(int first, int step, int count) {
 TEST(EvidentEffects, NumbersThatAreAllMultiplesOfEightLackThreeBits) {
   const std::vector<ActiveEffect> evident = EvidentEffects(Ramp(64, 8, 40), AllEffects());
   ASSERT_EQ(evident.size(), 1U);
-  EXPECT_EQ(evident[0].effect, &AdcMissingBits());
+  EXPECT_EQ(evident[0].effect, FindEffect("sensor.adc_missing_bits"));
   EXPECT_EQ(evident[0].parameters, std::vector<double>{3});
 }
 
@@ -42,7 +40,7 @@ TEST(EvidentEffects, FewNumbersShowNothing) {
 }
 
 TEST(EvidentEffects, WhatIsNotConsideredIsNotEvident) {
-  const std::array<const Effect*, 1> others = {&AdcInl()};
+  const std::array<const Effect*, 1> others = {FindEffect("sensor.adc_inl")};
   EXPECT_TRUE(EvidentEffects(Ramp(64, 8, 40), others).empty());
 }
 
