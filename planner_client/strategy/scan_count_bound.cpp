@@ -445,4 +445,11 @@ absl::Status TakeIntoAccount(GainModel& gain_model, const MeasurementDomain& dom
   return absl::OkStatus();
 }
 
+void LowerGoal(const TargetBits& measurable, int64_t goal_targets, ScanCountBoundResult& bound) {
+  if (bound.weights.empty() || goal_targets >= bound.goal_targets) return;
+  bound.goal_targets = std::max<int64_t>(0, goal_targets);
+  bound.bound = std::min(bound.bound, SumOfSmallest(measurable, bound.weights, bound.goal_targets));
+  State(bound);
+}
+
 }  // namespace sightline

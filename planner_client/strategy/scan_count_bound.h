@@ -73,4 +73,9 @@ absl::StatusOr<ScanCountBoundResult> BoundScanCount(
 absl::Status TakeIntoAccount(GainModel& gain_model, const MeasurementDomain& domain,
                              std::span<const Measurement> plan, ScanCountBoundResult& bound);
 
+// The same bound for `goal_targets` if these are fewer than before: the sum of the smallest weights
+// of so many targets. It is valid, though weights made for them might give a larger one.
+// `measurable`: of the gain model that the bound was made with.
+void LowerGoal(const TargetBits& measurable, int64_t goal_targets, ScanCountBoundResult& bound);
+
 }  // namespace sightline

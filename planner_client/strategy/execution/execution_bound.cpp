@@ -101,13 +101,11 @@ ExecutionBounds BoundExecution(const ExecutionModel& model, const FaceBound& fac
                   changes * change_s + std::max(0, scans - 1) * reposition_s;
   bounds.time_converged = scans_converged && bounds.setups_converged;
   bounds.time_statement = absl::StrFormat(
-      "Executing any plan takes at least %.0f s: placing the sensors once (%.0f s), laying the "
-      "part "
-      "%d times (%.0f s each), and %d further changes of %.0f s at least. Scanning itself counts "
-      "as "
-      "0.%s",
-      bounds.time_s, costs.move_sensors_time_s, bounds.setups, costs.lay_time_s, changes,
-      change_s + reposition_s,
+      "Executing any plan that satisfies %d targets takes at least %.0f s: placing the sensors "
+      "once (%.0f s), laying the part %d times (%.0f s each), and %d further changes of %.0f s at "
+      "least. Scanning itself counts as 0.%s",
+      faces.goal_targets, bounds.time_s, costs.move_sensors_time_s, bounds.setups, costs.lay_time_s,
+      changes, change_s + reposition_s,
       bounds.time_converged ? "" : " The number of scans is no lower bound yet.");
   return bounds;
 }

@@ -104,6 +104,40 @@ TEST(ScanCountBoundTest, APlanThatWasFoundLaterIsTakenIntoAccount) {
   EXPECT_GT(too_high, 0);
 }
 
+// Weights that no scan brings more than 1 of bound plans for fewer targets as well.
+TEST(ScanCountBoundTest, HoldsForFewerTargets) {
+  ScanCountBoundResult bound;
+  bound.weights = {0.5, 0.2, 9, 0.4};
+  TargetBits measurable(4);
+  for (const size_t t : {0, 1, 3}) measurable.Set(t);
+  bound.goal_targets = bound.judged_targets = 3;
+  bound.bound = 1.1;
+  bound.scans = 2;
+  LowerGoal(measurable, 4, bound);
+  EXPECT_EQ(bound.scans, 2);
+  LowerGoal(measurable, 2, bound);
+  EXPECT_NEAR(bound.bound, 0.6, 1e-12);
+  EXPECT_EQ(bound.scans, 1);
+  EXPECT_NE(bound.statement.find("2 of 3 targets"), std::string::npos) << bound.statement;
+
+  // A bound for 95 % of the casting, lowered to what the first scans of a plan satisfy.
+  FunctionGainModel gain_model = CastingGainModel(200, 2);
+  const auto found = BoundScanCount(gain_model, NineParameterDomain(), 0.95, {}, 20000, 3);
+  ASSERT_TRUE(found.ok());
+  for (size_t n = 1; n <= 3; ++n) {
+    const std::vector<Measurement> scans(
+        found->generated_columns.begin(),
+        found->generated_columns.begin() + static_cast<std::ptrdiff_t>(n));
+    const auto coverage = gain_model.FastCoverage(scans);
+    ASSERT_TRUE(coverage.ok());
+    TargetBits covered(gain_model.measurable().size());
+    for (const ScanCoverage& scan : *coverage) covered |= scan.covered;
+    ScanCountBoundResult lower = *found;
+    LowerGoal(gain_model.measurable(), covered.Count(), lower);
+    EXPECT_LE(lower.bound, static_cast<double>(n) + 1e-9);
+  }
+}
+
 TEST(ScanCountBoundTest, SameSeedSameBound) {
   FunctionGainModel a = CastingGainModel(200, 2), b = CastingGainModel(200, 2);
   const auto first = BoundScanCount(a, NineParameterDomain(), 0.9, {}, 10000, 3);

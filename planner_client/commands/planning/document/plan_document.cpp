@@ -345,18 +345,13 @@ absl::StatusOr<PlanDocument> MakePlanDocument(const PlanningSession& session,
 
 namespace {
 
-// Bounds for plans that satisfy the goal, or as much as this one if that is less.
-ExecutionBounds BoundsOnExecution(const PlanningSession& session, const ScanCountBoundResult& bound,
-                                  const v1::Plan& plan) {
+// Targets of the goal, or those that the plan satisfies if these are fewer.
+int64_t TargetsOfBounds(const PlanningSession& session, const v1::Plan& plan) {
   const double satisfied = plan.has_uncertainty() ? plan.uncertainty().admissible_fraction()
                                                   : plan.coverage().coverage();
-  const TargetBits& wanted = session.gain_model->measurable();
   const double fraction = std::min(GoalFraction(session.inspection.goal), satisfied);
-  const auto goal_targets =
-      static_cast<int64_t>(std::ceil(fraction * static_cast<double>(wanted.Count()) - 1e-9));
-  return BoundExecution(ExecutionModelOf(session.inspection),
-                        BoundFaces(session.client->measurable_orientations(), wanted, goal_targets),
-                        bound.scans, bound.converged);
+  return static_cast<int64_t>(
+      std::ceil(fraction * static_cast<double>(session.gain_model->measurable().Count()) - 1e-9));
 }
 
 v1::ExecutionBound BoundToProto(double value, bool converged, const std::string& statement) {
@@ -369,7 +364,10 @@ v1::ExecutionBound BoundToProto(double value, bool converged, const std::string&
 
 }  // namespace
 
-void SetBound(const PlanningSession& session, const ScanCountBoundResult& bound, v1::Plan& plan) {
+void SetBound(const PlanningSession& session, ScanCountBoundResult bound, v1::Plan& plan) {
+  const TargetBits& wanted = session.gain_model->measurable();
+  const int64_t goal_targets = TargetsOfBounds(session, plan);
+  LowerGoal(wanted, goal_targets, bound);
   v1::ScanCountBound& message = *(
       plan.has_uncertainty() ? plan.mutable_uncertainty()->mutable_bound() : plan.mutable_bound());
   message.set_scans(bound.bound);
@@ -377,7 +375,10 @@ void SetBound(const PlanningSession& session, const ScanCountBoundResult& bound,
   message.set_pricing_evaluations(bound.evaluations);
   message.set_statement(bound.statement);
   if (session.inspection.costs.IsUnit()) return;
-  const ExecutionBounds execution = BoundsOnExecution(session, bound, plan);
+  const ExecutionBounds execution =
+      BoundExecution(ExecutionModelOf(session.inspection),
+                     BoundFaces(session.client->measurable_orientations(), wanted, goal_targets),
+                     bound.scans, bound.converged);
   *message.mutable_setups() =
       BoundToProto(execution.setups, execution.setups_converged, execution.setups_statement);
   *message.mutable_time_s() =

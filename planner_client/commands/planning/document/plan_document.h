@@ -51,7 +51,7 @@ absl::StatusOr<PlanDocument> MakePlanDocument(const PlanningSession& session,
                                               const PlanSource& source);
 
 // Adds the lower bounds on scans, set-ups and time to the coverage or uncertainty of the plan.
-void SetBound(const PlanningSession& session, const ScanCountBoundResult& bound, v1::Plan& plan);
+void SetBound(const PlanningSession& session, ScanCountBoundResult bound, v1::Plan& plan);
 
 // One paragraph for the terminal.
 std::string SummarisePlan(const v1::Plan& plan);
