@@ -458,6 +458,7 @@ absl::StatusOr<std::string> RenderView(const CoverageScene& scene, const ViewReq
           place(box.corner(static_cast<Eigen::AlignedBox3d::CornerType>(corner)).cast<float>())
               .cast<double>());
     }
+    const Eigen::AlignedBox3d part_bounds = all;
     if (in_world) {
       AddBodies(scene.rig().camera_bodies, geometry.camera, kCameraColour, opaque);
       AddBodies(scene.rig().laser_bodies, geometry.laser, kLaserColour, opaque);
@@ -483,7 +484,8 @@ absl::StatusOr<std::string> RenderView(const CoverageScene& scene, const ViewReq
       all.extend(geometry.camera.origin_m - 0.1 * geometry.camera.z_axis);
       all.extend(geometry.laser.origin_m - 0.1 * geometry.laser.z_axis);
     }
-    const Eigen::Vector3d centre = all.center();
+    // From a stated distance the part is looked at, wherever the sensors are.
+    const Eigen::Vector3d centre = request.distance_m > 0 ? part_bounds.center() : all.center();
     const double radius = 0.5 * all.sizes().norm();
     tan_y = std::tan(0.5 * 30 * std::numbers::pi / 180);
     tan_x = tan_y * request.columns_px / request.rows_px;

@@ -235,14 +235,22 @@ v1::ReportBlock SheetPartPlace(const SheetScan& of) {
 }
 
 v1::ReportBlock SheetPartAxes(const SheetScan& of) {
-  const Eigen::Matrix3d turn = of.frames.part.linear();
-  std::vector<v1::ReportFact> facts;
+  const Eigen::Matrix3d turned = of.frames.part.linear();
+  const double gamma_rad = of.scan.measurement().part_gamma_deg() / kDegPerRad;
+  const Eigen::Matrix3d not_turned =
+      Eigen::AngleAxisd(-gamma_rad, Eigen::Vector3d::UnitZ()) * turned;
+  std::vector<ReportCells> rows;
   for (int axis = 0; axis < 3; ++axis) {
-    facts.push_back(
-        TextFact(absl::StrCat("CAD ", std::string(1, static_cast<char>('x' + axis)), " points"),
-                 PointsInWords(turn.col(axis))));
+    rows.push_back({TextCell(absl::StrCat("CAD ", std::string(1, static_cast<char>('x' + axis)))),
+                    TextCell(PointsInWords(not_turned.col(axis))),
+                    TextCell(PointsInWords(turned.col(axis)))});
   }
-  return TitledBlock("Check: the part\u2019s axes", {FactsBlock(facts)});
+  const std::string turn = TurnDeg(of.scan.measurement().part_gamma_deg(), 2);
+  return TitledBlock("Check: where the part\u2019s axes point",
+                     {TableBlock("Where the part\u2019s axes point",
+                                 {WordsColumn("axis"), WordsColumn("with no turn"),
+                                  WordsColumn(absl::StrCat("turned ", turn))},
+                                 rows)});
 }
 
 v1::ReportBlock SheetCorners(const SheetScan& of) {

@@ -5,7 +5,9 @@
 #include <cmath>
 #include <numbers>
 
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "planner_client/setup_sheet/direction_words.h"
 
 namespace sightline {
 namespace {
@@ -13,7 +15,7 @@ namespace {
 constexpr double kWidth = 360, kHeight = 260, kMargin = 34;
 // Half the width of a letter and half the height of a line of text, and the baseline below the
 // middle.
-constexpr double kHalfLetter = 3.9, kHalfLine = 9, kBaseline = 5;
+constexpr double kHalfLetter = 4.4, kHalfLine = 9, kBaseline = 5;
 
 using Subject = v1::DrawnShape::Subject;
 using Kind = v1::DrawnShape::Kind;
@@ -185,7 +187,8 @@ std::vector<Eigen::Vector2d> ConvexHull(std::vector<Eigen::Vector2d> points) {
 v1::ReportDrawing SideView(const DrawnScene& scene) {
   // The image rows, and with them the laser line, lie across the plane that both share.
   const Eigen::Vector3d across = scene.frames.camera.linear().col(0);
-  const Eigen::Vector3d right = across.cross(Eigen::Vector3d::UnitZ()).normalized();
+  Eigen::Vector3d right = across.cross(Eigen::Vector3d::UnitZ()).normalized();
+  if ((std::abs(right.x()) >= std::abs(right.y()) ? right.x() : right.y()) < 0) right = -right;
   const auto project = [&](const Eigen::Vector3d& place_m) {
     return Eigen::Vector2d(right.dot(place_m), place_m.z());
   };
@@ -232,8 +235,9 @@ v1::ReportDrawing SideView(const DrawnScene& scene) {
   canvas.Text(0.9 * camera_m, 38 * apart, Millimetres(camera_m.norm()));
   canvas.Text(0.9 * laser_m, -38 * apart, Millimetres(laser_m.norm()));
   return canvas.Drawing("Camera, laser and part, seen along the laser line",
-                        "Along the laser line: polar angle of the camera, triangulation angle, "
-                        "distances to the origin");
+                        absl::StrCat("Along the laser line, to the right ", PointsInWords(right),
+                                     ", in the middle of the scan: polar angle of the camera, "
+                                     "triangulation angle, distances to the origin"));
 }
 
 v1::ReportDrawing TopView(const DrawnScene& scene) {
@@ -278,8 +282,22 @@ v1::ReportDrawing TopView(const DrawnScene& scene) {
   canvas.Text(laser_m, {0, -18}, "laser");
   canvas.Text(camera_m, {0, 18}, "camera");
   canvas.Dot({0, 0}, 2.5, v1::DrawnShape::PLAIN);
+  // From the part's middle as far as half of it.
+  constexpr double kLeastHorizontal = 0.3;
+  const Eigen::Vector2d middle_m = 0.5 * (start_m + end_m);
+  const double arm_m = 0.35 * BoundsOf(outline).sizes().maxCoeff();
+  for (int axis = 0; axis < 3; ++axis) {
+    const Eigen::Vector2d along = project(scene.frames.part.linear().col(axis));
+    if (along.norm() < kLeastHorizontal) continue;
+    const Eigen::Vector2d tip_m = middle_m + arm_m * along;
+    canvas.Line(middle_m, tip_m, v1::DrawnShape::PART);
+    canvas.Dot(tip_m, 2.5, v1::DrawnShape::PART);
+    canvas.Text(tip_m, 10 * along.normalized(),
+                absl::StrCat("CAD ", std::string(1, static_cast<char>('x' + axis))));
+  }
   return canvas.Drawing("Camera, laser and part from above",
-                        "From above; the way of the part\u2019s centre");
+                        "From above, in the middle of the scan: the way of the part\u2019s centre, "
+                        "and where its CAD axes point");
 }
 
 }  // namespace sightline

@@ -22,10 +22,12 @@ struct DrawnScene {
 };
 
 // Along the laser line, in the plane that camera and laser share: polar angle of the camera,
-// triangulation angle, distances.
+// triangulation angle, distances. Seen so that +x, or +y where the plane lies along y, is to the
+// right, as in TopView.
 v1::ReportDrawing SideView(const DrawnScene& scene);
 
-// From above: x to the right, y up; the way of the stage.
+// From above: x to the right, y up; the way of the stage, and where the CAD axes point that lie
+// more than 17 degrees from the vertical.
 v1::ReportDrawing TopView(const DrawnScene& scene);
 
 // Corners of the convex hull of points in a plane, counter-clockwise (Andrew's monotone chain);

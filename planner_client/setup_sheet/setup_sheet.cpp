@@ -111,11 +111,13 @@ class Sheet {
 
   static v1::ReportBlock Conventions() {
     return TextBlock(
-        "The origin is the point where the camera\u2019s optical axis meets the laser plane. x is "
-        "the direction in which the stage carries the part, z is up, y completes a right-handed "
-        "system. Camera and laser stand still during a scan. Angles are counter-clockwise when the "
-        "axis points at you. Azimuth is counted from +x towards +y, elevation from the horizontal "
-        "upwards. Stage positions are those of the part\u2019s centre from the origin along x.");
+        "The origin is the point where the camera\u2019s optical axis meets the laser plane. x "
+        "is the direction in which the stage carries the part, z is up, y completes a "
+        "right-handed system. It moves with the sensors: find it anew, and set stage and "
+        "height to 0 there, whenever their place changes. Camera and laser stand still during "
+        "a scan. Angles are counter-clockwise when the axis points at you. Azimuth is counted "
+        "from +x towards +y, elevation from the horizontal upwards. Stage positions are those "
+        "of the part\u2019s centre from the origin along x.");
   }
 
   // Two standard deviations either side hold 95 of 100 errors.
@@ -143,10 +145,10 @@ class Sheet {
   ReportBlocks SetupsTable() const {
     if (plan_.setups().empty()) return {};
     std::vector<v1::ReportColumn> columns = {NumberColumn("set-up"), WordsColumn("lies on"),
-                                             NumberColumn("sensors in place"),
+                                             NumberColumn("place of the sensors"),
                                              WordsColumn("scans")};
     if (HasTimes()) {
-      for (const char* name : {"sensors", "laying", "turning", "scanning", "in all"}) {
+      for (const char* name : {"moving sensors", "laying", "turning", "scanning", "in all"}) {
         columns.push_back(NumberColumn(name));
       }
     }
@@ -249,6 +251,14 @@ class Sheet {
     return -1;
   }
 
+  // The part lies in scan `i` as in scan `j`.
+  bool LiesAlike(int i, int j) const {
+    constexpr double kSame_m = 1e-9;
+    return frames_[static_cast<size_t>(i)].part.isApprox(frames_[static_cast<size_t>(j)].part,
+                                                         kSame_m) &&
+           plan_.scans(i).table_height_m() == plan_.scans(j).table_height_m();
+  }
+
   // Steps that a person takes before the scans of a set-up.
   v1::ReportBlock SetupSteps(int s) const {
     const v1::Setup& setup = plan_.setups(s);
@@ -265,17 +275,33 @@ class Sheet {
                            ", by the numbers below",
                            move_s > 0 ? absl::StrCat(" (", SheetSeconds(move_s), ")") : "", "."))});
     }
+    bool stays = false;
     if (setup.has_resting_face()) {
-      const bool stays = before != nullptr && before->has_resting_face() &&
-                         before->resting_face() == setup.resting_face();
+      stays = before != nullptr && before->has_resting_face() &&
+              before->resting_face() == setup.resting_face();
       steps.push_back({PlainRun(stays ? "Leave the part on " : "Lay the part on "),
                        StrongRun(FaceName(setup.resting_face())),
                        PlainRun(stays ? "." : ", as the pictures and the CAD axes show.")});
     }
-    steps.push_back(
-        {PlainRun("Turn and shift the part for each scan as the table says: the turn is "
-                  "counter-clockwise seen from above, from the part lying with no turn. Measure "
-                  "from the part\u2019s outermost points to the origin, the stage at 0.")});
+    const int first = PositionOf(setup.scans(0));
+    const bool untouched = stays && before != nullptr &&
+                           LiesAlike(first, PositionOf(before->scans(before->scans_size() - 1)));
+    if (untouched) {
+      steps.push_back({PlainRun("Do not touch the part: it lies as in the scan before.")});
+    }
+    if (!untouched || setup.scans_size() > 1) {
+      steps.push_back({PlainRun(absl::StrCat(
+          untouched ? "For the other scans, turn" : "Turn",
+          " and shift the part as the table says: the turn is counter-clockwise seen from above, "
+          "from the part lying with no turn (its axes are below). Measure from the part\u2019s "
+          "outermost points to the origin, the stage at 0."))});
+    }
+    if (plan_.has_placement()) {
+      steps.push_back({PlainRun(absl::StrCat(
+          "Let the stage run on by ", SheetMm(2 * plan_.placement().part_position_m(), 1),
+          " mm before the start and behind the stop, with frames, since the part may lie that far "
+          "from its place."))});
+    }
     v1::ReportBlock list = ListBlock(steps);
     list.mutable_list()->set_numbered(true);
     return TitledBlock("What to do", {list});
@@ -286,8 +312,8 @@ class Sheet {
     if (setup.has_resting_face()) columns.push_back(NumberColumn("table, z", "mm"));
     for (const v1::ReportColumn& column :
          {NumberColumn("outermost points, stage at 0, in x", "mm"), NumberColumn("in y", "mm"),
-          NumberColumn("part\u2019s centre, x / y / z", "mm"), NumberColumn("stage", "mm"),
-          NumberColumn("pitch", "mm"), NumberColumn("frames")}) {
+          NumberColumn("up to z", "mm"), NumberColumn("part\u2019s centre, x / y / z", "mm"),
+          NumberColumn("stage", "mm"), NumberColumn("pitch", "mm"), NumberColumn("frames")}) {
       columns.push_back(column);
     }
     if (HasTimes()) columns.push_back(NumberColumn("time", "s"));
@@ -310,6 +336,7 @@ class Sheet {
         row.push_back(TextCell(
             absl::StrCat(SheetMm(extent.min()[axis]), " \u2026 ", SheetMm(extent.max()[axis]))));
       }
+      row.push_back(LengthCell(extent.max().z(), SheetMm(extent.max().z())));
       row.push_back(TextCell(PlaceMm(frames_[static_cast<size_t>(i)].part * part_.box_m.center())));
       row.push_back(TextCell(StageRange(scan)));
       row.push_back(count > 1 ? LengthCell(pitch_m, StageMm(pitch_m)) : TextCell(kNoValue));

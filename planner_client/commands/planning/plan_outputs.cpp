@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <set>
 #include <system_error>
 #include <utility>
 
@@ -126,9 +127,13 @@ absl::StatusOr<ReportData> DescribeForReport(const PlanningSession& session,
   return data;
 }
 
-// The part with the scan's rig in the middle of its travel; `covered` until then.
+// Distance from which a part of unit size is looked at where the sensors need not fit.
+constexpr double kNearView = 2.2;
+
+// The part with the scan's rig in the middle of its travel, from `distance_m` or, at 0, from where
+// all of it is seen; `covered` until then.
 absl::StatusOr<std::string> PictureOfScan(const PlanningSession& session, const ChosenScan& scan,
-                                          const TargetBits& covered) {
+                                          const TargetBits& covered, double distance_m) {
   v1::RenderViewRequest request;
   request.set_view(v1::RenderViewRequest::VIEW_FREE);
   *request.mutable_measurement() = MeasurementToProto(scan.measurement);
@@ -136,6 +141,7 @@ absl::StatusOr<std::string> PictureOfScan(const PlanningSession& session, const 
   request.set_stage_position_m(std::round(middle) * session.inspection.rig.scan_step_m);
   request.set_azimuth_deg(40);
   request.set_elevation_deg(25);
+  request.set_distance_m(distance_m);
   request.set_columns_px(720);
   request.set_rows_px(540);
   request.set_covered_targets(covered.ToBytes());
@@ -217,12 +223,21 @@ absl::Status ShowScans(const PlanningSession& session, PlanDocument& document,
     *place = *std::move(png);
     return absl::OkStatus();
   };
+  std::set<int> begins_setup;
+  for (const v1::Setup& setup : document.plan.setups()) begins_setup.insert(setup.scans(0));
+  const double part_size_m = data->mesh.BoundingBox().sizes().norm();
   std::vector<ScanAnswers> answers(document.scans.size());
   absl::Status status = ForEachIndex(document.scans.size(), [&](size_t i) -> absl::Status {
     const ChosenScan& scan = document.scans[i];
     if (options.pictures) {
-      answers[i].picture = picture(PictureOfScan(session, scan, covered_until[i]),
-                                   &data->scans[i].rendered_view_png);
+      ReportScan& shown = data->scans[i];
+      answers[i].picture =
+          picture(PictureOfScan(session, scan, covered_until[i], 0), &shown.rendered_view_png);
+      if (answers[i].picture.ok() && begins_setup.contains(static_cast<int>(i) + 1)) {
+        answers[i].picture =
+            picture(PictureOfScan(session, scan, covered_until[i], kNearView * part_size_m),
+                    &shown.near_view_png);
+      }
     }
     if (!options.point_clouds) return absl::OkStatus();
     const auto points = session.client->MeasurementPoints(scan.measurement);

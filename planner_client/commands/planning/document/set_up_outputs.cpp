@@ -107,7 +107,10 @@ absl::Status WriteSetUpFiles(const ReportData& data, const std::string& folder) 
                    .pictures_png = {},
                    .face_pictures_png = data.face_pictures_png,
                    .one_housing = data.one_housing};
-  for (const ReportScan& scan : data.scans) sheet.pictures_png.push_back(scan.rendered_view_png);
+  for (const ReportScan& scan : data.scans) {
+    sheet.pictures_png.push_back(scan.near_view_png.empty() ? scan.rendered_view_png
+                                                            : scan.near_view_png);
+  }
   const auto report = SetUpReport(sheet);
   if (!report.ok()) return report.status();
   absl::Status written = WriteReport(*report, absl::StrCat(folder, "/", kSetUpSheetFile));

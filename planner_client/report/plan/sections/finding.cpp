@@ -47,8 +47,9 @@ std::string BoundSentence(const v1::Plan& plan) {
   const int fewest = static_cast<int>(std::ceil(bound.scans() - 1e-6));
   return absl::StrCat(
       " As far as the search for the lower bound (", FixedNumber(bound.scans(), 1),
-      ") found, a plan for ", GoalText(coverage.goal()), " needs at least ",
-      CountText(fewest, "scan"),
+      ") found, a plan for ",
+      GoalReached(coverage) ? GoalText(coverage.goal()) : "as much of the surface",
+      " needs at least ", CountText(fewest, "scan"),
       GoalReached(coverage) && plan.scans_size() <= fewest ? ": no fewer than this one." : ".");
 }
 
@@ -65,6 +66,12 @@ std::vector<v1::ReportRun> CoverageFinding(const v1::Plan& plan) {
     absl::StrAppend(&text, " On ", GroupedInteger(coverage.fresh_measurable_targets()),
                     " targets that the search has not seen it is ",
                     Percent(coverage.fresh_coverage()), ".");
+  }
+  if (coverage.has_placement_p5()) {
+    absl::StrAppend(&text,
+                    " With part and sensors placed as exactly as stated, 95 of 100 "
+                    "executions measure at least ",
+                    Percent(coverage.placement_p5()), ".");
   }
   return {StrongRun(absl::StrCat(CountText(scans, "scan"), scans == 1 ? " measures " : " measure ",
                                  Percent(coverage.coverage()))),
@@ -144,8 +151,11 @@ ReportBlocks CurveBlocks(const v1::Plan& plan) {
   }
   if (plan.coverage().has_fresh_coverage()) curve.fresh = plan.coverage().fresh_coverage();
   ReportBlocks blocks = {ChartBlock(CoverageChart(curve))};
-  if (!plan.bound().statement().empty() && !plan.has_uncertainty()) {
-    blocks.push_back(RemarkBlock(plan.bound().statement()));
+  if (plan.has_uncertainty()) return blocks;
+  for (const std::string* statement :
+       {&plan.bound().statement(), &plan.bound().setups().statement(),
+        &plan.bound().time_s().statement()}) {
+    if (!statement->empty()) blocks.push_back(RemarkBlock(*statement));
   }
   return blocks;
 }

@@ -100,7 +100,10 @@ ReportBlocks ReasonsBlocks(const ReportData& data) {
       RemarkBlock(
           "For every target that the plan does not measure, scans of the inspection's domain "
           "were aimed at it. The reason is the condition that those failed at which came "
-          "nearest to measuring it; a target is not chosen if one of them measures it. "
+          "nearest to measuring it; a target is not chosen if one of them measures it. The few "
+          "that "
+          "are not counted as measurable all the same were missed by the search for measurable "
+          "targets. "
           "\u201cWhy it is not measured\u201d in the view above shows where."),
       ReasonTable(coverage)};
   std::vector<NamedTargets> regions;

@@ -26,6 +26,7 @@ namespace sightline {
 struct ReportScan {
   TargetBits covered;             // exact, of this scan alone, one bit per target
   std::string rendered_view_png;  // part, camera and laser; empty: none
+  std::string near_view_png;      // of the first scan of a set-up: the part as it lies; empty: none
 };
 
 struct NamedTiming {

@@ -90,9 +90,13 @@ std::string ReasonList(std::span<const v1::UncoveredCount> counts, size_t most) 
       others += joined[i].targets();
       continue;
     }
+    const bool missed =
+        !joined[i].measurable() && joined[i].reason() == v1::UNCOVERED_REASON_NOT_CHOSEN;
     absl::StrAppend(&words, words.empty() ? "" : ", ",
-                    ReasonWords(joined[i].reason(), joined[i].obstacle()), " (",
-                    joined[i].targets(), ")");
+                    missed ? "some scan would measure it, which the search for measurable "
+                             "targets missed"
+                           : ReasonWords(joined[i].reason(), joined[i].obstacle()),
+                    " (", joined[i].targets(), ")");
   }
   if (others > 0) absl::StrAppend(&words, ", others (", others, ")");
   return words;
