@@ -14,9 +14,10 @@ namespace sightline {
 // Sensor frames: z the viewing direction, x along the image rows and the laser line, y down in the
 // image (the optical frame of ROS REP 103).
 struct ScanFrames {
-  Eigen::Isometry3d camera;  // x_world = M x_sensor
-  Eigen::Isometry3d laser;
-  Eigen::Isometry3d part;  // x_world = M x_cad with the stage at 0
+  Eigen::Isometry3d camera = Eigen::Isometry3d::Identity();  // x_world = M x_sensor
+  Eigen::Isometry3d laser = Eigen::Isometry3d::Identity();
+  // x_world = M x_cad with the stage at 0.
+  Eigen::Isometry3d part = Eigen::Isometry3d::Identity();
 
   // x_world = M x_cad with the stage at `stage_m`.
   Eigen::Isometry3d PartAt(double stage_m) const;

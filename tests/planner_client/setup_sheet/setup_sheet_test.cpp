@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -265,6 +266,43 @@ TEST(SceneDrawing, TextsDoNotCoverEachOther) {
         }
       }
     }
+  }
+}
+
+// Mean x of the points of all shapes of a kind and subject.
+double MeanX(const v1::ReportDrawing& drawing, v1::DrawnShape::Kind kind,
+             v1::DrawnShape::Subject subject) {
+  double sum = 0;
+  int count = 0;
+  for (const v1::DrawnShape& shape : drawing.shapes()) {
+    if (shape.kind() != kind || shape.subject() != subject) continue;
+    for (const double x : shape.x()) sum += x;
+    count += shape.x_size();
+  }
+  EXPECT_GT(count, 0);
+  return sum / std::max(1, count);
+}
+
+// What is to the right in one drawing is so in the other.
+TEST(SceneDrawing, BothAreSeenFromTheSameSide) {
+  for (const double azimuth_deg : {0., 40., 130., 180., 220., 320.}) {
+    DrawnScene scene;
+    const Eigen::AngleAxisd about_z(azimuth_deg * std::numbers::pi / 180, Eigen::Vector3d::UnitZ());
+    for (Eigen::Isometry3d* pose : {&scene.frames.camera, &scene.frames.laser}) {
+      pose->linear() << 0, 1, 0, 1, 0, 0, 0, 0, -1;
+      pose->linear() = about_z * pose->linear();
+    }
+    scene.frames.camera.translation() = about_z * Eigen::Vector3d(0.3, 0, 0.3);
+    scene.frames.laser.translation() = about_z * Eigen::Vector3d(-0.1, 0, 0.4);
+    for (const double x : {-0.05, 0.05}) {
+      for (const double y : {-0.03, 0.03}) scene.part_points_m.emplace_back(x, y, 0);
+    }
+    const v1::ReportDrawing side = SideView(scene), top = TopView(scene);
+    const double in_side = MeanX(side, v1::DrawnShape::AREA, v1::DrawnShape::CAMERA) -
+                           MeanX(side, v1::DrawnShape::AREA, v1::DrawnShape::LASER);
+    const double in_top = MeanX(top, v1::DrawnShape::DOT, v1::DrawnShape::CAMERA) -
+                          MeanX(top, v1::DrawnShape::DOT, v1::DrawnShape::LASER);
+    EXPECT_GT(in_side * in_top, 0) << azimuth_deg;
   }
 }
 
