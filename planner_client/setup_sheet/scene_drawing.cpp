@@ -188,7 +188,8 @@ v1::ReportDrawing SideView(const DrawnScene& scene) {
   // The image rows, and with them the laser line, lie across the plane that both share.
   const Eigen::Vector3d across = scene.frames.camera.linear().col(0);
   Eigen::Vector3d right = across.cross(Eigen::Vector3d::UnitZ()).normalized();
-  if ((std::abs(right.x()) >= std::abs(right.y()) ? right.x() : right.y()) < 0) right = -right;
+  constexpr double kAlongY = 1e-6;
+  if ((std::abs(right.x()) > kAlongY ? right.x() : right.y()) < 0) right = -right;
   const auto project = [&](const Eigen::Vector3d& place_m) {
     return Eigen::Vector2d(right.dot(place_m), place_m.z());
   };
