@@ -4,11 +4,13 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <string>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "core/text/number_text.h"
 #include "planner_client/command_line/help/terminal.h"
 #include "planner_client/command_line/process/interrupt.h"
 #include "planner_client/command_line/process/output_folder.h"
@@ -20,6 +22,7 @@
 #include "planner_client/commands/starts/plan_starts.h"
 #include "planner_client/pareto/frame_estimate.h"
 #include "planner_client/report/optics/optics_report.h"
+#include "planner_client/strategy/execution/execution_model.h"
 #include "planner_client/strategy/scan_order.h"
 
 namespace sightline {
@@ -67,6 +70,18 @@ absl::Status WriteOptics(const v1::OpticsPlan& optics, const std::string& folder
   return WriteOpticsReport(named, nullptr, folder + "/optics.html");
 }
 
+// The permitted time must leave some for scans.
+absl::Status CheckExecutionTime(const std::string& inspection_file, const PlannerRequest& request) {
+  const double before_s = TimesBeforeFirst(request.execution).Total_s();
+  const std::optional<double>& permitted_s = request.goal.execution_time_s;
+  if (!permitted_s || *permitted_s > before_s) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat(inspection_file, ": goal.execution_time_s (--goal-time-s) is ",
+                   NumberText(*permitted_s), " s, must be above ", NumberText(before_s),
+                   " s: so long it takes to place the sensors and to lay the part before the first "
+                   "scan (costs)"));
+}
+
 }  // namespace
 
 PlanningRun::PlanningRun(PlanOptions& options, PlannerRequest request, const Shard& part,
@@ -109,6 +124,10 @@ PlanningRun::PlanningRun(PlanOptions& options, PlannerRequest request, const Sha
 }
 
 absl::Status PlanningRun::Run() {
+  if (absl::Status enough = CheckExecutionTime(options_.session.inspection_file, request_);
+      !enough.ok()) {
+    return enough;
+  }
   absl::StatusOr<SearchCheckpoint> checkpoint;
   if (question_) {
     checkpoint = SearchCheckpoint::Open(options_.checkpoint, session_, *question_, request_,

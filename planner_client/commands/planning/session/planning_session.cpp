@@ -294,7 +294,11 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
             : absl::StrCat(options.inspection_file,
                            ": no target on this part can be measured by the scans that rig, "
                            "`measurement` and the limits of `targets` allow; the limits in force: ",
-                           LimitsText(session.inspection.targets)));
+                           LimitsText(session.inspection.targets),
+                           session.inspection.rig.clearance_m > 0
+                               ? absl::StrCat(", rig.clearance_m ",
+                                              NumberText(session.inspection.rig.clearance_m), " m")
+                               : ""));
   }
   if (absl::Status status = MakeGainModel(session); !status.ok()) return status;
   AskRobotFirst(options.kept_scans, &session);
