@@ -40,7 +40,7 @@ TEST(Diagnose, MissingBitsAreFoundBesideAnotherEffect) {
   const auto diagnosis = Diagnose(set, {}, nullptr);
   ASSERT_TRUE(diagnosis.ok()) << diagnosis.status();
   const v1::Explanation& answer = diagnosis->ranked(0);
-  EXPECT_EQ(answer.effect(), "illumination.ghost_line");
+  EXPECT_EQ(answer.effect(), "illumination.ghost_line") << diagnosis->finding();
   ASSERT_EQ(answer.effects_size(), 2);
   EXPECT_EQ(answer.effects(1).effect(), "sensor.adc_missing_bits");
   EXPECT_EQ(answer.effects(1).parameters(0).value(), 3);
