@@ -107,6 +107,7 @@ Image<T> Widened(const Image<T>& columns, int columns_px) {
 struct ReadNoise {
   double dark_electrons = 0;  // mean without light
   double variance_electrons2 = 0, rounding_variance_dn2 = 0;
+  int step_dn = 1;  // of the numbers that occur
 
   // Temporal variance of the charge of a pixel with this mean of photo-electrons [electrons^2].
   double ChargeVarianceAt(double photo_electrons) const {
@@ -196,10 +197,10 @@ void AddMoments(const Image<double>& photo_electrons, const ReadNoise& noise,
     const double gain = noise_gains.values[i];
     expected.noise_variance_dn2.values[i] = static_cast<float>(noise.VarianceAt(mean, gain));
     const double before_rounding = noise.VarianceAt(mean, gain) - noise.rounding_variance_dn2;
-    if (before_rounding > 0 && IsCoarselyRounded(std::sqrt(before_rounding))) {
+    if (before_rounding > 0 && IsCoarselyRounded(std::sqrt(before_rounding), noise.step_dn)) {
       const RoundedMoments rounded = MomentsAfterRounding(
           sensor.gain_dn_per_electron * (mean + noise.dark_electrons) + sensor.black_level_dn,
-          std::sqrt(before_rounding));
+          std::sqrt(before_rounding), noise.step_dn);
       expected.noise_variance_dn2.values[i] = static_cast<float>(rounded.variance);
       if (expected.noise_excess_kurtosis.empty()) {
         expected.noise_excess_kurtosis = Image<float>(columns_px, rows_px);
@@ -212,13 +213,14 @@ void AddMoments(const Image<double>& photo_electrons, const ReadNoise& noise,
   }
 }
 
-ReadNoise ReadNoiseOf(const FrameSetup& frame, double rounding_variance_dn2) {
+ReadNoise ReadNoiseOf(const FrameSetup& frame, const MeanNumbers& numbers) {
   const Sensor& sensor = frame.sensor;
   ReadNoise noise;
   noise.dark_electrons = sensor.dark_mean_electrons + DarkCurrentElectrons(frame);
   noise.variance_electrons2 = sensor.dark_noise_electrons * sensor.dark_noise_electrons +
                               noise.dark_electrons - sensor.dark_mean_electrons;
-  noise.rounding_variance_dn2 = rounding_variance_dn2;
+  noise.rounding_variance_dn2 = numbers.rounding_variance_dn2();
+  noise.step_dn = numbers.step_dn();
   return noise;
 }
 
@@ -362,7 +364,7 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
 
   // Charge at every level of speckle.
   MeanNumbers numbers(frame, effects);
-  const ReadNoise read_noise = ReadNoiseOf(frame, numbers.rounding_variance_dn2());
+  const ReadNoise read_noise = ReadNoiseOf(frame, numbers);
   LevelModel model;
   ModelLevels(light, effects, read_noise.dark_electrons, speckle_levels, model, expected);
   const int level_count = model.factors ? speckle_levels : 1;

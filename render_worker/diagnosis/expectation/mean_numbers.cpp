@@ -31,6 +31,16 @@ std::vector<uint16_t> ConvertedNumbers(const FrameSetup& frame,
   return ramp.values;
 }
 
+// The step s > 1 if every number n becomes s floor(n/s); else 1.
+int StepOf(const std::vector<uint16_t>& converted) {
+  size_t step = 1;
+  while (step < converted.size() && converted[step] == 0) ++step;
+  for (size_t n = 0; n < converted.size(); ++n) {
+    if (converted[n] != n / step * step) return 1;
+  }
+  return static_cast<int>(step);
+}
+
 // The numbers that full pixels give. A full pixel has no noise: its charge is cut off together with
 // the noise, at the number that a full pixel gives or at the largest.
 Image<double> NumbersOfFullPixels(const FrameSetup& frame, std::span<const ActiveEffect> effects) {
@@ -54,6 +64,7 @@ MeanNumbers::MeanNumbers(const FrameSetup& frame, std::span<const ActiveEffect> 
       black_level_dn_(frame.sensor.black_level_dn),
       plateau_dn_(NumbersOfFullPixels(frame, effects)),
       converted_(ConvertedNumbers(frame, effects)) {
+  if (!converted_.empty()) step_dn_ = StepOf(converted_);
   const double step_dn =
       converted_.empty()
           ? 1
@@ -112,10 +123,10 @@ void MeanNumbers::AddRoundingErrors(const Image<double>& electrons, const Image<
   for (size_t i = 0; i < numbers->values.size(); ++i) {
     const double noise = noise_dn.values[i];
     const double variance = noise * noise - rounding_variance_dn2_;
-    if (variance <= 0 || !IsCoarselyRounded(std::sqrt(variance))) continue;
+    if (variance <= 0 || !IsCoarselyRounded(std::sqrt(variance), step_dn_)) continue;
     const double mean = gain_dn_per_electron_ * electrons.values[i] + black_level_dn_;
-    if (mean > plateau_dn_.values[i] - 1) continue;
-    const double number = MomentsAfterRounding(mean, std::sqrt(variance)).mean;
+    if (mean > plateau_dn_.values[i] - step_dn_) continue;
+    const double number = MomentsAfterRounding(mean, std::sqrt(variance), step_dn_).mean;
     // The number replaces a cut-off normal one, whose cut at zero the rounded one has, too.
     numbers->values[i] = static_cast<float>(number);
   }
@@ -138,11 +149,13 @@ Image<float> MeanNumbers::Of(const Image<double>& electrons, const Image<float>&
                                              reference.cut_off.slope * (mean - reference.number));
     }
   }
-  AddRoundingErrors(electrons, noise_dn, &numbers);
+  if (step_dn_ == 1) AddRoundingErrors(electrons, noise_dn, &numbers);
   if (converted_.empty()) return numbers;
   for (size_t i = 0; i < numbers.values.size(); ++i) {
     numbers.values[i] += MeanConversion(numbers.values[i], noise_dn.values[i]);
   }
+  // Rounding to multiples of the step replaces the conversion.
+  if (step_dn_ > 1) AddRoundingErrors(electrons, noise_dn, &numbers);
   return numbers;
 }
 

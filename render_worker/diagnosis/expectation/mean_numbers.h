@@ -18,6 +18,8 @@ class MeanNumbers {
 
   // Variance of rounding to the numbers that occur (EMVA 1288 R4.0, section 2.3) [DN^2].
   double rounding_variance_dn2() const { return rounding_variance_dn2_; }
+  // Step of the numbers where all are multiples of it, as missing bits leave them; else 1.
+  int step_dn() const { return step_dn_; }
 
   // Mean number of every pixel whose charge has this mean, `noise_dn` its standard deviation as a
   // number. Where it differs from that of the first call by little of the noise, it is taken as
@@ -39,6 +41,7 @@ class MeanNumbers {
                          Image<float>* numbers) const;
 
   double gain_dn_per_electron_, black_level_dn_, rounding_variance_dn2_;
+  int step_dn_ = 1;
   Image<double> plateau_dn_;          // of a full pixel
   std::vector<uint16_t> converted_;   // of every number; empty: all stay as they are
   std::vector<Reference> reference_;  // of the first call

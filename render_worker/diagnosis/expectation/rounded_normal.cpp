@@ -17,9 +17,19 @@ constexpr double kLeastVariance_dn2 = 1e-4;
 
 }  // namespace
 
-bool IsCoarselyRounded(double standard_deviation_dn) { return standard_deviation_dn < kCoarse_dn; }
+bool IsCoarselyRounded(double standard_deviation_dn, int step_dn) {
+  return standard_deviation_dn < kCoarse_dn * step_dn;
+}
 
-RoundedMoments MomentsAfterRounding(double mean_dn, double standard_deviation_dn) {
+RoundedMoments MomentsAfterRounding(double mean_dn, double standard_deviation_dn, int step_dn) {
+  if (step_dn > 1) {
+    // round(x) cut to a multiple of s is s round((x - (s - 1)/2)/s).
+    RoundedMoments moments = MomentsAfterRounding((mean_dn - 0.5 * (step_dn - 1)) / step_dn,
+                                                  standard_deviation_dn / step_dn);
+    moments.mean *= step_dn;
+    moments.variance *= step_dn * step_dn;
+    return moments;
+  }
   const double reach = kFarOut * standard_deviation_dn;
   const double first = std::max(0.0, std::floor(mean_dn - reach + 0.5));
   const double last = std::max(first, std::floor(mean_dn + reach + 0.5));

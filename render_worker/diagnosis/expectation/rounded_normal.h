@@ -13,10 +13,12 @@ struct RoundedMoments {
   double excess_kurtosis = 0;
 };
 
-// True where the moments differ from those of the normal number with 1/12 added.
-bool IsCoarselyRounded(double standard_deviation_dn);
+// True where the moments differ from those of the normal number with step^2/12 added. `step_dn`: of
+// the numbers that occur, 1 or, where lowest bits are missing, a power of 2.
+bool IsCoarselyRounded(double standard_deviation_dn, int step_dn = 1);
 
-// Moments of max(0, round(X)), X normal with `mean_dn` and `standard_deviation_dn` > 0.
-RoundedMoments MomentsAfterRounding(double mean_dn, double standard_deviation_dn);
+// Moments of max(0, round(X)) cut to the next lower multiple of `step_dn`, X normal with `mean_dn`
+// and `standard_deviation_dn` > 0.
+RoundedMoments MomentsAfterRounding(double mean_dn, double standard_deviation_dn, int step_dn = 1);
 
 }  // namespace sightline

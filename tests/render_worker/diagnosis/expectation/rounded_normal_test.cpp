@@ -57,5 +57,26 @@ TEST(RoundedNormal, AgreesWithDrawnNumbersThatAreCutOffAtZero) {
   }
 }
 
+// Numbers of a converter without its three lowest bits, at noise far below their step of 8.
+TEST(RoundedNormal, AgreesWithDrawnNumbersWithoutTheirLowestBits) {
+  std::mt19937_64 random(9);
+  for (const double mean : {3.0, 7.2, 10.4, 15.9}) {
+    std::normal_distribution<double> normal(mean, 1.1);
+    constexpr int kDraws = 400000;
+    double sum = 0, squares = 0;
+    for (int i = 0; i < kDraws; ++i) {
+      const double number = std::max(0.0, std::floor(normal(random) + 0.5));
+      const double cut = 8 * std::floor(number / 8);
+      sum += cut / kDraws;
+      squares += cut * cut / kDraws;
+    }
+    const double variance = squares - sum * sum;
+    EXPECT_TRUE(IsCoarselyRounded(1.1, 8));
+    const RoundedMoments moments = MomentsAfterRounding(mean, 1.1, 8);
+    EXPECT_NEAR(moments.mean, sum, 5 * std::sqrt((variance + 1e-6) / kDraws)) << mean;
+    EXPECT_NEAR(moments.variance, variance, 0.03 * variance + 0.01) << mean;
+  }
+}
+
 }  // namespace
 }  // namespace sightline
