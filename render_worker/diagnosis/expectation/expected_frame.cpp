@@ -197,7 +197,9 @@ void AddMoments(const Image<double>& photo_electrons, const ReadNoise& noise,
     const double gain = noise_gains.values[i];
     expected.noise_variance_dn2.values[i] = static_cast<float>(noise.VarianceAt(mean, gain));
     const double before_rounding = noise.VarianceAt(mean, gain) - noise.rounding_variance_dn2;
-    if (before_rounding > 0 && IsCoarselyRounded(std::sqrt(before_rounding), noise.step_dn)) {
+    const double spread = expected.level_variance_dn2.values[i];
+    if (before_rounding > 0 &&
+        IsCoarselyRounded(std::sqrt(before_rounding + spread), noise.step_dn)) {
       const RoundedMoments rounded = MomentsAfterRounding(
           sensor.gain_dn_per_electron * (mean + noise.dark_electrons) + sensor.black_level_dn,
           std::sqrt(before_rounding), noise.step_dn);
@@ -378,6 +380,14 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
       mean_of_levels.values[i] += electrons.values[i] / level_count;
     }
   }
+  Image<double> spread_dn2(frame.roi.columns_px, frame.roi.rows_px, 0.0);
+  for (const Image<double>& electrons : electrons_of_level) {
+    for (size_t i = 0; i < electrons.values.size(); ++i) {
+      const double away_dn =
+          frame.sensor.gain_dn_per_electron * (electrons.values[i] - mean_of_levels.values[i]);
+      spread_dn2.values[i] += away_dn * away_dn / level_count;
+    }
+  }
   const Image<double> noise_gains = NoiseGains(mean_of_levels, read_noise, frame, effects);
   for (int level = 0; level < level_count; ++level) {
     Image<double>& electrons = electrons_of_level[level];
@@ -388,7 +398,7 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
     }
     electrons = ChargeOfLevel(level, std::move(electrons), read_noise.dark_electrons, model, frame,
                               effects);
-    expected.level_dn.push_back(numbers.Of(electrons, noise_dn));
+    expected.level_dn.push_back(numbers.Of(electrons, noise_dn, spread_dn2));
   }
   AddMoments(mean_of_levels, read_noise, noise_gains, expected);
   expected.mean_photo_electrons = std::move(mean_of_levels);

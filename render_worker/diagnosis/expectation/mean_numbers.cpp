@@ -119,11 +119,13 @@ float MeanNumbers::MeanConversion(float mean, float deviation) const {
 
 // Rounding moves the mean only where noise does not spread it over several numbers.
 void MeanNumbers::AddRoundingErrors(const Image<double>& electrons, const Image<float>& noise_dn,
-                                    Image<float>* numbers) const {
+                                    const Image<double>& spread_dn2, Image<float>* numbers) const {
   for (size_t i = 0; i < numbers->values.size(); ++i) {
     const double noise = noise_dn.values[i];
     const double variance = noise * noise - rounding_variance_dn2_;
-    if (variance <= 0 || !IsCoarselyRounded(std::sqrt(variance), step_dn_)) continue;
+    if (variance <= 0 || !IsCoarselyRounded(std::sqrt(variance + spread_dn2.values[i]), step_dn_)) {
+      continue;
+    }
     const double mean = gain_dn_per_electron_ * electrons.values[i] + black_level_dn_;
     if (mean > plateau_dn_.values[i] - step_dn_) continue;
     const double number = MomentsAfterRounding(mean, std::sqrt(variance), step_dn_).mean;
@@ -132,7 +134,8 @@ void MeanNumbers::AddRoundingErrors(const Image<double>& electrons, const Image<
   }
 }
 
-Image<float> MeanNumbers::Of(const Image<double>& electrons, const Image<float>& noise_dn) {
+Image<float> MeanNumbers::Of(const Image<double>& electrons, const Image<float>& noise_dn,
+                             const Image<double>& spread_dn2) {
   Image<float> numbers(electrons.columns_px, electrons.rows_px);
   const bool first = reference_.empty();
   if (first) reference_.resize(numbers.values.size());
@@ -149,13 +152,13 @@ Image<float> MeanNumbers::Of(const Image<double>& electrons, const Image<float>&
                                              reference.cut_off.slope * (mean - reference.number));
     }
   }
-  if (step_dn_ == 1) AddRoundingErrors(electrons, noise_dn, &numbers);
+  if (step_dn_ == 1) AddRoundingErrors(electrons, noise_dn, spread_dn2, &numbers);
   if (converted_.empty()) return numbers;
   for (size_t i = 0; i < numbers.values.size(); ++i) {
     numbers.values[i] += MeanConversion(numbers.values[i], noise_dn.values[i]);
   }
   // Rounding to multiples of the step replaces the conversion.
-  if (step_dn_ > 1) AddRoundingErrors(electrons, noise_dn, &numbers);
+  if (step_dn_ > 1) AddRoundingErrors(electrons, noise_dn, spread_dn2, &numbers);
   return numbers;
 }
 

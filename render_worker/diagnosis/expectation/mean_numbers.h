@@ -24,7 +24,10 @@ class MeanNumbers {
   // Mean number of every pixel whose charge has this mean, `noise_dn` its standard deviation as a
   // number. Where it differs from that of the first call by little of the noise, it is taken as
   // linear in the charge.
-  Image<float> Of(const Image<double>& electrons, const Image<float>& noise_dn);
+  // `spread_dn2`: variance of the mean among pixels that are expected together. Rounding errors
+  // average out where it or the noise is wide.
+  Image<float> Of(const Image<double>& electrons, const Image<float>& noise_dn,
+                  const Image<double>& spread_dn2);
 
  private:
   // Mean of a normal number after it is cut off, and its slope with the number's mean.
@@ -38,7 +41,7 @@ class MeanNumbers {
   CutOff MeanCutOff(double mean, double deviation, double top) const;
   float MeanConversion(float mean, float deviation) const;
   void AddRoundingErrors(const Image<double>& electrons, const Image<float>& noise_dn,
-                         Image<float>* numbers) const;
+                         const Image<double>& spread_dn2, Image<float>* numbers) const;
 
   double gain_dn_per_electron_, black_level_dn_, rounding_variance_dn2_;
   int step_dn_ = 1;
