@@ -367,6 +367,7 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
   // Charge at every level of speckle.
   MeanNumbers numbers(frame, effects);
   const ReadNoise read_noise = ReadNoiseOf(frame, numbers);
+  expected.rounding_variance_dn2 = numbers.rounding_variance_dn2();
   LevelModel model;
   ModelLevels(light, effects, read_noise.dark_electrons, speckle_levels, model, expected);
   const int level_count = model.factors ? speckle_levels : 1;

@@ -30,6 +30,8 @@ struct ExpectedFrame {
   Image<double> mean_dn, level_variance_dn2;
   // Temporal noise variance at the mean level [DN^2].
   Image<float> noise_variance_dn2;
+  // Variance of rounding to the numbers that occur [DN^2].
+  double rounding_variance_dn2 = 1.0 / 12;
   // Excess kurtosis of the temporal noise, where rounding is coarse; empty: 0 everywhere.
   Image<float> noise_excess_kurtosis;
   // Variance of fixed patterns of the sensor (PRNU, DSNU) at the mean level [DN^2].

@@ -24,19 +24,18 @@ constexpr double kStraight = 0.7;
 constexpr double kNegligibleTail = 5;
 // Half a raw value: a pixel is full from this far below its saturation on [DN].
 constexpr double kFullMargin_dn = 0.5;
-// Variance of rounding [DN^2]: that of a uniform distribution over one raw value.
-constexpr double kUniformVariance_dn2 = 1.0 / 12;
 // Least signal that a variance is divided by [DN].
 constexpr double kLeastSignal_dn = 1e-9;
 
 // Temporal noise variance at a level [DN^2]: dark noise and the shot noise of the signal above the
 // dark mean; rounding only where the pixel is full.
-double TemporalVariance(const Sensor& sensor, double level_dn) {
+double TemporalVariance(const ExpectedFrame& expected, double level_dn) {
+  const Sensor& sensor = expected.frame.sensor;
   const double gain = sensor.gain_dn_per_electron;
   const double dark_dn = DarkMeanDn(sensor);
   const double full_dn = gain * sensor.saturation_capacity_electrons + sensor.black_level_dn;
-  if (level_dn > full_dn - kFullMargin_dn) return kUniformVariance_dn2;
-  return std::pow(gain * sensor.dark_noise_electrons, 2) + kUniformVariance_dn2 +
+  if (level_dn > full_dn - kFullMargin_dn) return expected.rounding_variance_dn2;
+  return std::pow(gain * sensor.dark_noise_electrons, 2) + expected.rounding_variance_dn2 +
          gain * std::max(0.0, level_dn - dark_dn);
 }
 
@@ -68,7 +67,7 @@ size_t PartsOfLevel(const std::vector<ExpectedFrame>& samples, const std::vector
     const size_t below = std::min(level, levels - 2);
     const double here = LevelDn(samples[f], row, column, below);
     const double step = LevelDn(samples[f], row, column, below + 1) - here;
-    if (step * step > TemporalVariance(samples[f].frame.sensor, here)) return kPartsOfLevel;
+    if (step * step > TemporalVariance(samples[f], here)) return kPartsOfLevel;
   }
   return 1;
 }
@@ -188,9 +187,8 @@ class MomentSums {
       const ExpectedFrame& a = samples[pair.first];
       const ExpectedFrame& b = samples[pair.second];
       const auto [level_a, level_b] = LevelsAt(a, b, row, column, level, part, parts);
-      const Sensor& sensor = b.frame.sensor;
-      const PairLevels levels = {level_a, level_b, TemporalVariance(sensor, level_a),
-                                 TemporalVariance(sensor, level_b)};
+      const PairLevels levels = {level_a, level_b, TemporalVariance(a, level_a),
+                                 TemporalVariance(b, level_b)};
       // Linear interpolation is wrong where saturation begins: whole levels count there.
       if (part == parts / 2) AddSaturated(pair, at, levels);
       const double sum_dn = levels.a + levels.b;
