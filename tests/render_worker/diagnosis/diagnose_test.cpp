@@ -27,10 +27,10 @@ TEST(Diagnose, UnknownExcludedEffectIsRefused) {
   EXPECT_EQ(diagnosis.status().code(), absl::StatusCode::kInvalidArgument);
 }
 
-// Three stuck bits change the noise of every recording. Beside a ghost line they are found at once,
+// Two stuck bits change the noise of every recording. Beside a ghost line they are found at once,
 // and the ghost line is found under the covariance that they leave.
 TEST(Diagnose, MissingBitsAreFoundBesideAnotherEffect) {
-  const ActiveEffect bits{FindEffect("sensor.adc_missing_bits"), {3}};
+  const ActiveEffect bits{FindEffect("sensor.adc_missing_bits"), {2}};
   ActiveEffect ghost{FindEffect("illumination.ghost_line"), {}};
   for (const EffectParameter& parameter : ghost.effect->description().parameters) {
     ghost.parameters.push_back(parameter.null_value);
@@ -43,7 +43,7 @@ TEST(Diagnose, MissingBitsAreFoundBesideAnotherEffect) {
   EXPECT_EQ(answer.effect(), "illumination.ghost_line") << diagnosis->finding();
   ASSERT_EQ(answer.effects_size(), 2);
   EXPECT_EQ(answer.effects(1).effect(), "sensor.adc_missing_bits");
-  EXPECT_EQ(answer.effects(1).parameters(0).value(), 3);
+  EXPECT_EQ(answer.effects(1).parameters(0).value(), 2);
   EXPECT_NEAR(answer.effects(0).parameters(0).value(), 0.1, 0.02);
   EXPECT_LT(diagnosis->held_out_improvement().with_effect(),
             0.5 * diagnosis->held_out_improvement().null());
