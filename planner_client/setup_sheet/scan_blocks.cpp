@@ -271,7 +271,7 @@ v1::ReportBlock SheetCorners(const SheetScan& of) {
 
 namespace {
 
-// What a person sets on the housing's mount.
+// Numbers that a person sets on the housing's mount.
 v1::ReportBlock HousingFacts(const SheetScan& of) {
   const Eigen::Vector3d laser_m = of.frames.laser.translation();
   const Eigen::Vector3d to_camera_m = of.frames.camera.translation() - laser_m;

@@ -19,7 +19,7 @@ struct SetUpSheet {
   TriangleMesh mesh;      // part coordinates of the plan's poses
   // A picture of part, camera and laser for every scan; PNG, empty: none.
   std::vector<std::string> pictures_png;
-  // Of every resting face of the plan, seen square-on from outside; none at all: no pictures.
+  // A picture for each resting face of the plan, seen square-on from outside; or none at all.
   std::vector<std::string> face_pictures_png = {};
   bool one_housing = false;  // camera and laser are moved as one
 };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What unknown physics looks like, in words.
+// The appearance of unknown physics in words.
 #pragma once
 
 #include <string>

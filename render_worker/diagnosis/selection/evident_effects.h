@@ -9,9 +9,10 @@
 
 namespace sightline {
 
-// Those of `considered` that the raw numbers of `set` show beyond doubt, with their parameters:
-// missing bits, where every number of every recording is a multiple of a power of two. A model
-// comparison takes them for granted, since they change the covariance of all that it compares.
+// The effects among `considered` that the raw numbers of `set` show beyond doubt, with their
+// parameters: missing bits, where every number of every recording is a multiple of a power of two.
+// A model comparison takes them for granted, since they change the covariance of all that it
+// compares.
 std::vector<ActiveEffect> EvidentEffects(const RecordedSet& set,
                                          std::span<const Effect* const> considered);
 

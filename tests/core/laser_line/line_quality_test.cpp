@@ -90,7 +90,7 @@ TEST(QualityOf, ClippedPointsBeyondTheLimitCountAsMissed) {
   const LineQuality without = QualityOf(sums, {}), with = QualityOf(sums, {3, 0, 0.1});
   EXPECT_DOUBLE_EQ(with.clipped_fraction, 0.5);
   EXPECT_DOUBLE_EQ(without.cost, 0.8 * without.u_px + 0.2 * 3);
-  // Of 80 points 60 % count: 50 % are clipped, 10 % may be.
+  // The limit lets 60 % of the 80 points count: 50 % are clipped, 10 % may be.
   EXPECT_DOUBLE_EQ(with.cost, 0.48 * with.u_px + 0.52 * 3);
   EXPECT_DOUBLE_EQ(QualityOf(sums, {3, 0, 0.5}).cost, without.cost);
 }

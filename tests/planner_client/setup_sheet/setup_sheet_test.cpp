@@ -283,7 +283,7 @@ double MeanX(const v1::ReportDrawing& drawing, v1::DrawnShape::Kind kind,
   return sum / std::max(1, count);
 }
 
-// What is to the right in one drawing is so in the other.
+// A sensor to the right of another is so in both drawings.
 TEST(SceneDrawing, BothAreSeenFromTheSameSide) {
   for (const double azimuth_deg : {0., 40., 130., 180., 220., 320.}) {
     DrawnScene scene;

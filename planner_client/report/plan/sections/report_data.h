@@ -80,7 +80,7 @@ struct ReportData {
   std::vector<ReportScan> scans;  // in the order of plan.scans
   std::string measurability_png;  // empty: none
   std::string coverage_png;       // after the last scan; empty: none
-  // Of every one of plan.resting_faces, seen square-on from outside, or no picture at all.
+  // A picture for each of plan.resting_faces, seen square-on from outside; or no picture at all.
   std::vector<std::string> face_pictures_png;
   bool one_housing = false;  // camera and laser are moved as one
   // Why targets are not covered, one per target; empty: not known.
