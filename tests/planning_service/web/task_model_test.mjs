@@ -95,7 +95,7 @@ test('field of view', () => {
 // Message of a field's type, and the fields of each message, from the schema.
 function schema() {
   const messages = new Map();
-  for (const file of ['planning_task', 'inspection', 'camera', 'laser', 'rig', 'targets', 'measurement', 'uncertainty', 'part']) {
+  for (const file of ['planning_task', 'inspection', 'acceptance', 'camera', 'laser', 'rig', 'targets', 'measurement', 'uncertainty', 'part']) {
     const text = readFileSync(new URL(`../../../proto/sightline/v1/${file}.proto`, import.meta.url), 'utf8').replace(/\/\/.*$/gm, '');
     for (const [, name, body] of text.matchAll(/^message (\w+) \{([\s\S]*?)^\}/gm)) {
       messages.set(name, new Map([...body.matchAll(/^ +(?:optional |repeated )?([\w.]+) (\w+) = \d+;/gm)].map(([, type, field]) => [field, type])));
