@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
 #include "planner_client/command_line/process/exit_code.h"
@@ -72,7 +73,9 @@ absl::Status AboutInput(const absl::Status& status, const std::string& input) {
   // Fields of the request that people do not know.
   message = absl::StrReplaceAll(
       message, {{"source.images: ", ""}, {"source.recordings: ", ""}, {"source.recordings.", ""}});
-  return absl::InvalidArgumentError(absl::StrCat(input, ": ", message));
+  const std::string of_input = absl::StrCat(input, ": ");
+  if (!absl::StartsWith(message, of_input)) message.insert(0, of_input);
+  return absl::InvalidArgumentError(message);
 }
 
 }  // namespace sightline

@@ -189,7 +189,7 @@ absl::Status CheckKind(const v1::PlanningTask& task) {
   const bool plan = task.has_plan() || !task.plan_job_id().empty();
   for (const auto& [field, need, given] :
        {std::tuple("inspection", rule.inspection, task.has_inspection()),
-        std::tuple("plan", rule.plan, plan),
+        std::tuple(task.plan_job_id().empty() ? "plan" : "plan_job_id", rule.plan, plan),
         std::tuple("recordings", rule.recordings, task.has_recordings())}) {
     if (absl::Status s = CheckGiven(task.kind(), field, need, given); !s.ok()) return s;
   }

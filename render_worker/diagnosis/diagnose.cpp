@@ -20,6 +20,7 @@
 #include "render_worker/diagnosis/finding/finding_text.h"
 #include "render_worker/diagnosis/finding/pictures.h"
 #include "render_worker/diagnosis/finding/residual_law.h"
+#include "render_worker/diagnosis/fit/fit_quality.h"
 #include "render_worker/diagnosis/selection/compare_models.h"
 #include "render_worker/diagnosis/selection/evident_effects.h"
 #include "render_worker/diagnosis/selection/next_recording.h"
@@ -153,6 +154,15 @@ v1::Diagnosis DescribeFinished(const SetModel& model, const FitResult& nominal,
   diagnosis.set_verdict(diagnosis.ranked(0).effect() == "none" ? "none" : "effect");
   diagnosis.set_corrected_by_renderings(comparison.rendered);
   *diagnosis.mutable_held_out_improvement() = DescribeImprovement(model, nominal, best.fit, seed);
+  if (!comparison.evident.empty() && diagnosis.has_remainder()) {
+    // It is stated over a null model that has the evident effects; the answer is over one without.
+    const double nominal_excess = diagnosis.held_out_improvement().null() - 1;
+    const PredictedFit with_evident = CrossValidate(model, comparison.null, seed);
+    const double excess =
+        with_evident.chi_squared / std::max(1, with_evident.degrees_of_freedom) - 1;
+    const double part = nominal_excess > 0 ? std::clamp(excess / nominal_excess, 0.0, 1.0) : 1;
+    diagnosis.mutable_remainder()->set_share(part * diagnosis.remainder().share());
+  }
   const PredictiveCheck null_check = comparison.evident.empty()
                                          ? comparison.null_check
                                          : CheckPredictions(model, nominal, nominal, seed);
