@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "render_worker/effects/effect.h"
 #include "render_worker/recordings/recorded_set.h"
 
 namespace sightline {
