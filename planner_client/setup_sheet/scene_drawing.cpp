@@ -283,7 +283,7 @@ v1::ReportDrawing TopView(const DrawnScene& scene) {
   canvas.Text(laser_m, {0, -18}, "laser");
   canvas.Text(camera_m, {0, 18}, "camera");
   canvas.Dot({0, 0}, 2.5, v1::DrawnShape::PLAIN);
-  // From the part's middle as far as half of it.
+  // Arms of about a third of the part, from its middle.
   constexpr double kLeastHorizontal = 0.3;
   const Eigen::Vector2d middle_m = 0.5 * (start_m + end_m);
   const double arm_m = 0.35 * BoundsOf(outline).sizes().maxCoeff();

@@ -19,7 +19,7 @@ class AdcMissingBitsEffect final : public DescribedEffect {
       : DescribedEffect({.id = "sensor.adc_missing_bits",
                          .stage = Stage::kSensor,
                          .signature = {{"histogram", "whole_image"}, {"signal_level"}},
-                         .summary = "lowest bits stuck at 0 (number cut)",
+                         .summary = "lowest bits stuck at 0, so that numbers are cut",
                          .reference = kConverterReference,
                          .parameters = {{.name = "missing_bits",
                                          .null_value = 0,

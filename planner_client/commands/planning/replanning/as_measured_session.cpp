@@ -71,7 +71,8 @@ absl::StatusOr<Eigen::Isometry3d> ReadPose(const std::string& path) {
 }
 
 // Part of the targets that scans satisfy, exact; infeasible ones count for nothing.
-absl::StatusOr<double> SettledFraction(GainModel& gain_model, std::span<const Measurement> scans) {
+absl::StatusOr<double> SatisfiedFraction(GainModel& gain_model,
+                                         std::span<const Measurement> scans) {
   const auto all = static_cast<double>(std::max<int64_t>(1, gain_model.measurable().Count()));
   auto exact = gain_model.ExactCoverage(scans);
   if (!exact.ok()) return exact.status();
@@ -274,7 +275,7 @@ absl::Status DescribeAsMeasured(const EarlierPlan& earlier, const PlanningSessio
       {&now, &v1::AsMeasured::set_settled},
       {&measured, &v1::AsMeasured::set_measured_settled}};
   for (const auto& [scans, set] : wanted) {
-    auto fraction = SettledFraction(*session.measured_gain_model, *scans);
+    auto fraction = SatisfiedFraction(*session.measured_gain_model, *scans);
     if (!fraction.ok()) return fraction.status();
     (message.*set)(*fraction);
   }

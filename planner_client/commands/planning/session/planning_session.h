@@ -61,8 +61,8 @@ struct PlanningSession {
   // Centre of the CAD model's bounding box, which the rig's offsets refer to.
   Eigen::Vector3d model_centre_m = Eigen::Vector3d::Zero();
   // For plans that go on from measured scans: the part as these found it (`part` is its mesh, and
-  // the rig of `inspection` has its placement), and the gain model of their points, which `gain
-  // model` owns. Null of other plans.
+  // the rig of `inspection` has its placement), and the gain model of their points, which
+  // `gain_model` owns. Null of other plans.
   std::shared_ptr<const MeasuredPart> measured;
   MeasuredGainModel* measured_gain_model = nullptr;
   // As the coverage server knows them.
