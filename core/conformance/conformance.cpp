@@ -26,6 +26,7 @@ std::string Dominating(const SurfaceUncertainty& u) {
   double largest = u.noise_m;
   if (u.sampling_m > largest) name = "sampling", largest = u.sampling_m;
   if (u.calibration_m > largest) name = "calibration", largest = u.calibration_m;
+  if (u.registration_m > largest) name = "registration of set-ups", largest = u.registration_m;
   const double share = u.total_m > 0 ? largest * largest / (u.total_m * u.total_m) : 0;
   return absl::StrCat(Percent(share), " of its variance is ", name);
 }

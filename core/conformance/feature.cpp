@@ -10,6 +10,7 @@
 #include <numbers>
 #include <numeric>
 #include <string>
+#include <utility>
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
@@ -261,8 +262,9 @@ absl::StatusOr<MatrixXd> Root(const CalibrationCovariance& c, const std::string&
   return root;
 }
 
-// F of the targets `used`: F F' is the covariance of the calibration errors of their estimates.
-absl::StatusOr<MatrixXd> CalibrationFactor(const Feature& f, const std::vector<int>& used) {
+// F of the targets `used`: F F' is the covariance of the common errors of their estimates. Columns of
+// registration are the last ones.
+absl::StatusOr<MatrixXd> CommonFactor(const Feature& f, const std::vector<int>& used) {
   std::vector<MatrixXd> roots;
   Eigen::Index columns = 0;
   for (size_t s = 0; s < f.scans.size(); ++s) {
@@ -273,7 +275,7 @@ absl::StatusOr<MatrixXd> CalibrationFactor(const Feature& f, const std::vector<i
   }
   auto common = Root(f.common_covariance, "common_covariance");
   if (!common.ok()) return common.status();
-  columns += common->cols() + f.common_deviations_m.cols();
+  columns += common->cols() + f.common_deviations_m.cols() + f.registration_deviations_m.cols();
 
   MatrixXd factor = MatrixXd::Zero(static_cast<Eigen::Index>(used.size()), columns);
   for (size_t i = 0; i < used.size(); ++i) {
@@ -289,9 +291,12 @@ absl::StatusOr<MatrixXd> CalibrationFactor(const Feature& f, const std::vector<i
       column += roots[s].cols();
     }
     factor.row(static_cast<Eigen::Index>(i)).segment(column, common->cols()) = all_scans * *common;
-    if (f.common_deviations_m.cols() > 0) {
-      factor.row(static_cast<Eigen::Index>(i)).tail(f.common_deviations_m.cols()) =
-          f.common_deviations_m.row(used[i]);
+    column += common->cols();
+    for (const MatrixXd* further : {&f.common_deviations_m, &f.registration_deviations_m}) {
+      if (further->cols() == 0) continue;
+      factor.row(static_cast<Eigen::Index>(i)).segment(column, further->cols()) =
+          further->row(used[i]);
+      column += further->cols();
     }
   }
   return factor;
@@ -317,8 +322,20 @@ MatrixXd Correlation(const Feature& f, const std::vector<int>& used) {
 struct JointErrors {
   VectorXd noise_m, sampling_m;  // standard deviations
   MatrixXd correlation;          // of either between targets; empty: the identity
-  MatrixXd calibration;          // F
+  MatrixXd common;               // F
+  Eigen::Index registration_columns = 0;
 
+  // The parts of a sum's uncertainty, given those of noise and sampling and the sum's row of F.
+  SurfaceUncertainty Of(double of_noise_m, double of_sampling_m,
+                        const Eigen::RowVectorXd& of_common_m) const {
+    SurfaceUncertainty u{};
+    u.noise_m = of_noise_m;
+    u.sampling_m = of_sampling_m;
+    u.calibration_m = of_common_m.head(of_common_m.size() - registration_columns).norm();
+    u.registration_m = of_common_m.tail(registration_columns).norm();
+    u.total_m = std::hypot(std::hypot(u.noise_m, u.sampling_m), u.calibration_m, u.registration_m);
+    return u;
+  }
   VectorXd Independent() const {
     return (noise_m.array().square() + sampling_m.array().square()).sqrt();
   }
@@ -329,20 +346,16 @@ struct JointErrors {
       if (correlation.size() == 0) return ws.norm();
       return std::sqrt(std::max(0.0, ws.dot(correlation * ws)));
     };
-    SurfaceUncertainty u{};
-    u.noise_m = part(noise_m);
-    u.sampling_m = part(sampling_m);
-    u.calibration_m = (calibration.transpose() * w).norm();
-    u.total_m = std::hypot(u.noise_m, u.sampling_m, u.calibration_m);
-    return u;
+    return Of(part(noise_m), part(sampling_m), w.transpose() * common);
   }
 };
 
 absl::StatusOr<JointErrors> MakeJointErrors(const Feature& f, const std::vector<int>& used) {
   JointErrors e;
-  auto factor = CalibrationFactor(f, used);
+  auto factor = CommonFactor(f, used);
   if (!factor.ok()) return factor.status();
-  e.calibration = *std::move(factor);
+  e.common = *std::move(factor);
+  e.registration_columns = f.registration_deviations_m.cols();
   e.correlation = Correlation(f, used);
   e.noise_m.resize(static_cast<Eigen::Index>(used.size()));
   e.sampling_m.resize(static_cast<Eigen::Index>(used.size()));
@@ -421,8 +434,8 @@ MeasurandUncertainty PredictForm(const FeatureFit& fit, const JointErrors& error
                                  const ErrorDraws& draws, uint64_t seed) {
   const ResidualRows rows = RowsOf(fit);
   const auto m = static_cast<Eigen::Index>(rows.column.size());
-  const MatrixXd calibration =
-      AtRows(errors.calibration, rows.column) - rows.design * (fit.estimator * errors.calibration);
+  const MatrixXd common =
+      AtRows(errors.common, rows.column) - rows.design * (fit.estimator * errors.common);
   const VectorXd independent = errors.Independent();
   double sum = 0, squares = 0;
   for (int d = 0; d < kFormDraws; ++d) {
@@ -443,7 +456,7 @@ MeasurandUncertainty PredictForm(const FeatureFit& fit, const JointErrors& error
   const MatrixXd mixed =
       rows.design * AtRows(MatrixXd(fitted.transpose()), rows.column).transpose();
   MatrixXd covariance =
-      calibration * calibration.transpose() - mixed - mixed.transpose() +
+      common * common.transpose() - mixed - mixed.transpose() +
       rows.design * (fitted * fit.estimator.transpose()) * rows.design.transpose();
   covariance += AtRows(MatrixXd(AtRows(e, rows.column).transpose()), rows.column).transpose();
   std::vector<int> order(static_cast<size_t>(m));
@@ -474,6 +487,7 @@ MeasurandUncertainty PredictForm(const FeatureFit& fit, const JointErrors& error
     result.u.noise_m *= factor;
     result.u.sampling_m *= factor;
     result.u.calibration_m *= factor;
+    result.u.registration_m *= factor;
   }
   return result;
 }
@@ -499,8 +513,8 @@ MeasurandUncertainty PredictDeviations(const FeatureFit& fit, const JointErrors&
   const ResidualRows rows = RowsOf(fit);
   const VectorXd noise = ResidualVariances(fit, rows, errors.noise_m, errors.correlation);
   const VectorXd sampling = ResidualVariances(fit, rows, errors.sampling_m, errors.correlation);
-  MatrixXd calibration = AtRows(errors.calibration, rows.column);
-  if (rows.design.cols() > 0) calibration -= rows.design * (fit.estimator * errors.calibration);
+  MatrixXd common = AtRows(errors.common, rows.column);
+  if (rows.design.cols() > 0) common -= rows.design * (fit.estimator * errors.common);
   MeasurandUncertainty result;
   result.target_u_m = VectorXd::Constant(static_cast<Eigen::Index>(fit.toleranced.size()),
                                          std::numeric_limits<double>::infinity());
@@ -509,11 +523,8 @@ MeasurandUncertainty PredictDeviations(const FeatureFit& fit, const JointErrors&
   for (size_t i = 0; i < fit.toleranced.size() && k < rows.column.size(); ++i) {
     if (fit.used[static_cast<size_t>(rows.column[k])] != fit.toleranced[i]) continue;
     const auto row = static_cast<Eigen::Index>(k++);
-    SurfaceUncertainty u{};
-    u.noise_m = std::sqrt(noise[row]);
-    u.sampling_m = std::sqrt(sampling[row]);
-    u.calibration_m = calibration.row(row).norm();
-    u.total_m = std::hypot(u.noise_m, u.sampling_m, u.calibration_m);
+    const SurfaceUncertainty u =
+        errors.Of(std::sqrt(noise[row]), std::sqrt(sampling[row]), common.row(row));
     result.target_u_m[static_cast<Eigen::Index>(i)] = u.total_m;
     result.target_parts[i] = u;
     if (k == 1 || u.total_m > result.u.total_m) result.u = u, result.worst = fit.toleranced[i];
@@ -533,27 +544,17 @@ MeasurandUncertainty PredictFunctionals(const FeatureFit& fit, const JointErrors
         (fit.functionals * covariance).cwiseProduct(fit.functionals).rowwise().sum().cwiseMax(0));
   };
   const VectorXd noise = part(errors.noise_m), sampling = part(errors.sampling_m);
-  const MatrixXd calibration = fit.functionals * (fit.estimator * errors.calibration);
+  const MatrixXd common = fit.functionals * (fit.estimator * errors.common);
   MeasurandUncertainty result;
   for (Eigen::Index k = 0; k < fit.functionals.rows(); ++k) {
-    SurfaceUncertainty u{};
-    u.noise_m = std::sqrt(noise[k]);
-    u.sampling_m = std::sqrt(sampling[k]);
-    u.calibration_m = calibration.row(k).norm();
-    u.total_m = std::hypot(u.noise_m, u.sampling_m, u.calibration_m);
+    const SurfaceUncertainty u =
+        errors.Of(std::sqrt(noise[k]), std::sqrt(sampling[k]), common.row(k));
     if (k == 0 || u.total_m > result.u.total_m) result.u = u, result.worst = static_cast<int>(k);
   }
   return result;
 }
 
 }  // namespace
-
-CalibrationRow CalibrationDerivatives(const TriangulationSetup& setup,
-                                      const Eigen::Vector3d& position_m,
-                                      const Eigen::Vector3d& normal) {
-  const auto derivatives = PointDerivatives(setup, ProjectPoint(setup, position_m));
-  return normal.transpose() * derivatives.rightCols<kCalibrationVariables>();
-}
 
 absl::Status CheckFeature(const Feature& f) {
   const size_t n = f.targets.size();
@@ -617,10 +618,14 @@ absl::Status CheckFeature(const Feature& f) {
     }
   }
   const auto rows = static_cast<Eigen::Index>(n);
-  if (f.common_deviations_m.cols() > 0 &&
-      (f.common_deviations_m.rows() != rows || !f.common_deviations_m.allFinite())) {
-    return absl::InvalidArgumentError(absl::StrCat("common_deviations_m has ",
-                                                   f.common_deviations_m.rows(), " rows for ", n,
+  for (const auto& [name, deviations_m] :
+       {std::pair{"common_deviations_m", &f.common_deviations_m},
+        std::pair{"registration_deviations_m", &f.registration_deviations_m}}) {
+    if (deviations_m->cols() == 0 || (deviations_m->rows() == rows && deviations_m->allFinite())) {
+      continue;
+    }
+    return absl::InvalidArgumentError(absl::StrCat(name, " has ", deviations_m->rows(),
+                                                   " rows for ", n,
                                                    " targets, or is not finite"));
   }
   for (size_t s = 0; s < f.scans.size(); ++s) {
@@ -719,7 +724,7 @@ absl::StatusOr<ErrorDraws> ErrorDraws::OfDeviations(const Feature& feature, cons
   ErrorDraws draws;
   draws.independent_m_ = errors->Independent();
   draws.root_ = RootOfCorrelation(errors->correlation);
-  draws.common_m_ = std::move(errors->calibration);
+  draws.common_m_ = std::move(errors->common);
   return draws;
 }
 
@@ -727,7 +732,7 @@ absl::StatusOr<ErrorDraws> ErrorDraws::OfParameters(const Feature& feature, cons
   const auto errors = MakeJointErrors(feature, fit.used);
   if (!errors.ok()) return errors.status();
   const MatrixXd scaled = fit.estimator * errors->Independent().asDiagonal();
-  const MatrixXd common = fit.estimator * errors->calibration;
+  const MatrixXd common = fit.estimator * errors->common;
   const MatrixXd covariance =
       (errors->correlation.size() > 0 ? MatrixXd(scaled * errors->correlation * scaled.transpose())
                                       : MatrixXd(scaled * scaled.transpose())) +

@@ -32,20 +32,9 @@
 
 #include "absl/status/statusor.h"
 #include "core/surface_inference/surface_inference.h"
-#include "core/triangulation/triangulation.h"
+#include "core/triangulation/calibration_derivatives.h"
 
 namespace sightline {
-
-// Variables 2 to 13 of TriangulationVariable: all but those of detection.
-inline constexpr int kCalibrationVariables = kTriangulationVariables - 2;
-using CalibrationRow = Eigen::Matrix<double, 1, kCalibrationVariables>;
-using CalibrationCovariance = Eigen::Matrix<double, kCalibrationVariables, kCalibrationVariables>;
-
-// Derivatives [m per unit] of the deviation along `normal` (unit) measured at `position_m` with
-// respect to the calibration variables; not finite where the scan cannot measure the point.
-CalibrationRow CalibrationDerivatives(const TriangulationSetup& setup,
-                                      const Eigen::Vector3d& position_m,
-                                      const Eigen::Vector3d& normal);
 
 struct FeatureTarget {
   Eigen::Vector3d position_m = Eigen::Vector3d::Zero();
@@ -89,11 +78,12 @@ struct Feature {
   std::vector<ScanSensitivity> scans;
   // Covariance of the errors that all scans share.
   CalibrationCovariance common_covariance = CalibrationCovariance::Zero();
-  // Errors common to the targets that do not come from the calibration of a scan, such as that of
-  // the pose of a registered part. Element (i, k) is the deviation [m] of target i that the k-th of
-  // several independent errors causes if it is as large as its standard deviation. They count among
-  // `calibration_m`. Without columns there are none.
+  // Further errors common to the targets. Element (i, k) is the deviation [m] of target i that the
+  // k-th of several independent errors causes if it is as large as its standard deviation. Without
+  // columns there are none. The first count among `calibration_m` (core/shared_errors), the second,
+  // such as those of the pose of a registered part, among `registration_m`.
   Eigen::MatrixXd common_deviations_m;
+  Eigen::MatrixXd registration_deviations_m;
   // For targets closer than twice the neighbourhood: the independent part gets the correlation
   // exp(-d^2 / 2 L^2) at distance d; 0: none. With l the length scale of the inference, L = 2 l
   // where calibration errors count: they cannot be told from the surface's mean over the
@@ -143,7 +133,7 @@ Eigen::VectorXd FitResiduals(const FeatureFit& fit, const Eigen::VectorXd& devia
 // surfaces the largest.
 double FormDeviation(const FeatureFit& fit, const Eigen::VectorXd& deviations_m);
 
-// Uncertainty of the measurand [m]; total^2 = noise^2 + sampling^2 + calibration^2.
+// Uncertainty of the measurand [m]; total^2 = noise^2 + sampling^2 + calibration^2 + registration^2.
 struct MeasurandUncertainty {
   SurfaceUncertainty u{};  // at the worst target, functional or pair of targets
   int worst = 0;           // its index: target, or row of the functionals

@@ -527,6 +527,17 @@ absl::StatusOr<std::string> ToleranceFileUnit(const v1::Inspection& message, con
   return unit;
 }
 
+// Values that the current defaults give to an uncertainty model that `message` does not state.
+void SetDefaultUncertainty(const v1::Uncertainty& message, UncertaintyModel* model) {
+  if (!message.has_calibration()) {
+    model->calibration = CalibrationOnSite();
+    model->calibration_assumed = true;
+  }
+  if (message.registration() == v1::Uncertainty::REGISTRATION_UNSPECIFIED) {
+    model->registration = RegistrationMethod::kBestFit;
+  }
+}
+
 // Uncertainty model, tolerances, and the conditions of an uncertainty goal on both.
 absl::Status ParseUncertaintyGoal(const v1::Inspection& message, const Checker& check,
                                   const std::string& context, Inspection* inspection) {
@@ -667,6 +678,9 @@ absl::StatusOr<Inspection> ParseInspection(const v1::Inspection& given, const st
   take(ParseDefaults(message, check), &inspection.defaults);
   if (inspection.defaults != DefaultsVersion::k0_1 && !message.rig().has_clearance_m()) {
     inspection.rig.clearance_m = kDefaultClearance_m;
+  }
+  if (inspection.defaults != DefaultsVersion::k0_1 && inspection.uncertainty) {
+    SetDefaultUncertainty(message.uncertainty(), &*inspection.uncertainty);
   }
   if (take(ParseCosts(message.costs(), check), &inspection.stated_costs)) {
     inspection.costs = inspection.stated_costs;

@@ -33,12 +33,14 @@ struct SurfaceObservation {
   double noise_variance_m2;  // of detection, along the target's normal; > 0
 };
 
-// Uncertainty of the deviation at a target; variances add up: noise + sampling + calibration.
+// Uncertainty of the deviation at a target; variances add up: noise + sampling + calibration +
+// registration.
 struct SurfaceUncertainty {
   double total_m;        // posterior standard deviation
   double noise_m;        // from detection noise
   double sampling_m;     // from deviation of the surface between and beyond the points
   double calibration_m;  // from errors common to all points of a scan
+  double registration_m = 0;  // from joining coordinate systems (core/shared_errors)
 };
 
 // Posterior at one target, updated scan by scan. The process is written in a finite basis (weights

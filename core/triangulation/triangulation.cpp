@@ -8,6 +8,7 @@
 #include <cmath>
 #include <limits>
 
+#include "core/triangulation/calibration_derivatives.h"
 #include "core/triangulation/error_model.h"
 
 namespace sightline {
@@ -83,6 +84,13 @@ Eigen::Matrix3d FirstOrderCovariance(const TriangulationSetup& setup,
                                      const TriangulationCovariance& covariance) {
   const Eigen::Matrix<double, 3, kTriangulationVariables> j = PointDerivatives(setup, image_px);
   return j * covariance * j.transpose();
+}
+
+CalibrationRow CalibrationDerivatives(const TriangulationSetup& setup,
+                                      const Eigen::Vector3d& position_m,
+                                      const Eigen::Vector3d& normal) {
+  const auto derivatives = PointDerivatives(setup, ProjectPoint(setup, position_m));
+  return normal.transpose() * derivatives.rightCols<kCalibrationVariables>();
 }
 
 }  // namespace sightline

@@ -155,7 +155,54 @@ absl::StatusOr<TriangulationCovariance> ParseCalibration(const v1::Calibration& 
   return covariance;
 }
 
+absl::Status ParseRegistration(const v1::Uncertainty& message, const Checker& check,
+                               UncertaintyModel* model) {
+  switch (message.registration()) {
+    case v1::Uncertainty::BEST_FIT:
+      model->registration = RegistrationMethod::kBestFit;
+      break;
+    case v1::Uncertainty::DATUM_FEATURES:
+      model->registration = RegistrationMethod::kDatumFeatures;
+      break;
+    case v1::Uncertainty::KNOWN_POSES:
+      model->registration = RegistrationMethod::kKnownPoses;
+      break;
+    default:
+      break;
+  }
+  const bool known = model->registration == RegistrationMethod::kKnownPoses;
+  if (message.has_registration_position_m() != known ||
+      message.has_registration_angle_deg() != known) {
+    const bool position = message.has_registration_position_m();
+    if (!known) {
+      return check.Error(position ? "uncertainty.registration_position_m"
+                                  : "uncertainty.registration_angle_deg",
+                         "needs uncertainty.registration KNOWN_POSES");
+    }
+    return check.Error(position ? "uncertainty.registration_angle_deg"
+                                : "uncertainty.registration_position_m",
+                       "is missing: uncertainty.registration KNOWN_POSES needs it");
+  }
+  if (!known) return absl::OkStatus();
+  SIGHTLINE_RETURN_IF_ERROR(check.Range("uncertainty.registration_position_m",
+                                        message.registration_position_m(), {0, 0.1, " m"}));
+  SIGHTLINE_RETURN_IF_ERROR(check.Range("uncertainty.registration_angle_deg",
+                                        message.registration_angle_deg(), {0, 10, " deg"}));
+  model->registration_position_m = message.registration_position_m();
+  model->registration_angle_rad = Radians(message.registration_angle_deg());
+  return absl::OkStatus();
+}
+
 }  // namespace
+
+TriangulationCovariance CalibrationOnSite() {
+  return MakeTriangulationCovariance({.camera_rotation_rad = Radians(0.002),
+                                      .camera_position_m = 0.02e-3,
+                                      .laser_tilt_rad = Radians(0.002) * std::sqrt(0.5),
+                                      .laser_offset_m = 0.02e-3,
+                                      .focal_length_px = 0.5,
+                                      .principal_point_px = 0.2});
+}
 
 double LineDetectionNoise::At(double distance_m, double incidence_angle_rad) const {
   if (IsConstant()) return standard_deviations_px[0];
@@ -217,6 +264,8 @@ absl::StatusOr<UncertaintyModel> ParseUncertainty(const v1::Uncertainty& message
   if (message.has_resolution_m()) model.resolution_m = message.resolution_m();
   SIGHTLINE_RETURN_IF_ERROR(
       check.Range("uncertainty.resolution_m", model.resolution_m, kResolution));
+  absl::Status registration = ParseRegistration(message, check, &model);
+  if (!registration.ok()) return registration;
   return model;
 }
 

@@ -99,6 +99,7 @@ struct InformedScan {
 // Exact standard uncertainties [m] of targets after scans.
 struct PosteriorUncertainties {
   std::vector<float> total_m, noise_m, sampling_m, calibration_m;
+  std::vector<float> registration_m;  // of joined scans; empty: none
   std::vector<int32_t> points;
   std::vector<float> after_each_scan_m;  // [target][scan]; empty if not asked for
 };

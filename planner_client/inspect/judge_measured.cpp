@@ -14,6 +14,7 @@
 #include "core/conformance/measured_value.h"
 #include "core/inspection/vector_proto.h"
 #include "planner_client/requirements/characteristic_of.h"
+#include "planner_client/requirements/joined_scans.h"
 #include "planner_client/requirements/known_targets.h"
 
 namespace sightline {
@@ -25,8 +26,6 @@ using Decision = v1::InspectedFeature::Decision;
 struct MeasuredState {
   const Inspection& inspection;  // with the placement of the part
   const Requirements& requirements;
-  std::vector<Measurement> scans;  // measured
-  Eigen::Vector3d centre_m;
   const MeasuredSurface& surface;
   PlanKnowledge knowledge;
 };
@@ -134,12 +133,14 @@ void SetNoEvaluation(absl::string_view reason, v1::InspectedFeature& message) {
 void JudgeBoundFeature(const MeasuredState& state, const TolerancedFeature& toleranced,
                        const BoundCharacteristic& bound, ConformanceOptions options,
                        v1::InspectedFeature& message) {
-  Feature feature = MakeFeature(state.inspection, state.scans, state.centre_m, state.knowledge,
-                                bound.targets, *options.known_uncertainty_m);
+  Feature feature =
+      MakeFeature(state.inspection, state.knowledge, bound.targets, *options.known_uncertainty_m);
   LeaveOutCorrelation(bound, feature);
-  feature.common_deviations_m.resize(static_cast<Eigen::Index>(bound.targets.size()), 6);
+  // The pose of the joined scans counts beside the errors of joining them.
+  Eigen::MatrixXd& registration_m = feature.registration_deviations_m;
+  registration_m.conservativeResize(Eigen::NoChange, registration_m.cols() + 6);
   for (size_t i = 0; i < bound.targets.size(); ++i) {
-    feature.common_deviations_m.row(static_cast<Eigen::Index>(i)) =
+    registration_m.row(static_cast<Eigen::Index>(i)).tail<6>() =
         state.surface.pose_deviations_m.row(bound.targets[i]);
   }
   const auto fit = FitCharacteristic(feature, bound.characteristic);
@@ -228,7 +229,7 @@ v1::InspectedFeature JudgeToleranced(const MeasuredState& state,
   message.set_measured_targets(counts.measured);
   const auto bound =
       BindCharacteristic(toleranced, state.requirements, state.surface.targets,
-                         MostEvaluatedTargets(state.inspection, toleranced, state.scans.size()));
+                         MostEvaluatedTargets(state.inspection, toleranced, state.knowledge.density.size()));
   if (!bound.ok()) {
     SetNoEvaluation(bound.status().message(), message);
   } else {
@@ -267,10 +268,15 @@ JudgedInspection JudgeMeasured(const Inspection& inspection, const Requirements&
                                const MeasuredSurface& surface) {
   Inspection placed = inspection;
   placed.rig.part_placement = part.placement;
-  MeasuredState state{placed,  requirements,       {}, part.placement.centre_m,
-                      surface, surface.Knowledge()};
-  for (const MeasuredFile& file : part.files) {
-    state.scans.push_back(scans[static_cast<size_t>(file.scan)]);
+  MeasuredState state{placed, requirements, surface, surface.Knowledge()};
+  if (HasSharedErrors(placed)) {
+    std::vector<Measurement> measured;
+    for (const MeasuredFile& file : part.files) {
+      measured.push_back(scans[static_cast<size_t>(file.scan)]);
+    }
+    state.knowledge.shared =
+        SharedErrorsOf(placed, requirements, measured, part.placement.centre_m, state.knowledge,
+                       placed.uncertainty->registration);
   }
   JudgedInspection judged;
   v1::InspectionResult& result = judged.result;

@@ -3,24 +3,12 @@
 
 #include <Eigen/Core>
 #include <cmath>
-#include <numbers>
 #include <utility>
 
 #include "core/random/counter_random.h"
 
 namespace sightline {
 namespace {
-
-// Whether the part stays untouched between two scans.
-bool SamePlaceOfPart(const ExecutionModel& model, const Measurement& a, const Measurement& b) {
-  constexpr double kSame = 1e-9;  // rad or m
-  const auto same_angle = [](double a_rad, double b_rad) {
-    return std::abs(std::remainder(a_rad - b_rad, 2 * std::numbers::pi)) < kSame;
-  };
-  return SameRest(model, a, b) && same_angle(a.part_gamma_rad, b.part_gamma_rad) &&
-         std::abs(a.offset_y_m - b.offset_y_m) < kSame &&
-         std::abs(a.offset_z_m - b.offset_z_m) < kSame;
-}
 
 Eigen::Vector3d NormalVector(CounterRandom& random, double standard_deviation) {
   // One after the other: arguments of a constructor have no order.
@@ -43,17 +31,12 @@ PlacementModel PlacementModelOf(const Inspection& inspection) {
 }
 
 PlacementDraws::PlacementDraws(PlacementModel model, std::span<const Measurement> scans)
-    : model_(std::move(model)) {
-  const ExecutionModel& execution = model_.execution;
+    : model_(std::move(model)), placings_(PlacingsOf(model_.execution, scans)) {
   for (size_t i = 0; i < scans.size(); ++i) {
     geometries_.push_back(MakeScanGeometry(model_.rig, scans[i]));
-    const bool sensors_stay = i > 0 && !execution.robot_holds_head &&
-                              SamePlaceOfSensors(execution, scans[i - 1], scans[i]);
-    const bool part_stays =
-        i > 0 && !execution.robot_holds_part && SamePlaceOfPart(execution, scans[i - 1], scans[i]);
-    sensor_placings_.push_back(sensors_stay ? sensor_placings_.back() : i);
-    part_placings_.push_back(part_stays ? part_placings_.back() : i);
-    if (sensors_stay || part_stays) {
+    const bool stays = i > 0 && (placings_[i].sensors == placings_[i - 1].sensors ||
+                                 placings_[i].part == placings_[i - 1].part);
+    if (stays) {
       group_ends_.back() = i + 1;
     } else {
       group_ends_.push_back(i + 1);
@@ -65,8 +48,8 @@ std::vector<ScanDisplacement> PlacementDraws::Draw(uint64_t seed, uint32_t execu
   const PlacementErrors& errors = model_.errors;
   std::vector<ScanDisplacement> displacements;
   for (size_t i = 0; i < geometries_.size(); ++i) {
-    CounterRandom sensors(DeriveSeed(seed, "sensors"), sensor_placings_[i], execution);
-    CounterRandom part(DeriveSeed(seed, "part"), part_placings_[i], execution);
+    CounterRandom sensors(DeriveSeed(seed, "sensors"), placings_[i].sensors, execution);
+    CounterRandom part(DeriveSeed(seed, "part"), placings_[i].part, execution);
     const auto draw = [](CounterRandom& random, double position_m, double angle_rad) {
       Displacement displacement;
       displacement.rotation_rad = NormalVector(random, angle_rad);

@@ -46,8 +46,7 @@ class PlacementDraws {
  private:
   PlacementModel model_;
   std::vector<ScanGeometry> geometries_;
-  // Numbers of the placing of the sensors and of the part that each scan is made with.
-  std::vector<uint64_t> sensor_placings_, part_placings_;
+  std::vector<Placings> placings_;  // of each scan
   std::vector<size_t> group_ends_;
 };
 

@@ -29,6 +29,7 @@ void SetJudged(const FeatureConformance& judged, v1::FeatureVerdict* verdict) {
   verdict->set_noise_m(judged.u.noise_m);
   verdict->set_sampling_m(judged.u.sampling_m);
   verdict->set_calibration_m(judged.u.calibration_m);
+  verdict->set_registration_m(judged.u.registration_m);
   verdict->set_admissible_uncertainty_m(judged.admissible_u_m);
   verdict->set_acceptance_probability(judged.acceptance_probability);
   verdict->set_acceptance_zone_m(std::max(0.0, judged.acceptance_zone_m));
@@ -39,7 +40,6 @@ void SetJudged(const FeatureConformance& judged, v1::FeatureVerdict* verdict) {
 
 // Judges a feature by the characteristic that was made of it.
 absl::Status JudgeBound(const Inspection& inspection, const Requirements& requirements,
-                        std::span<const Measurement> scans, const Eigen::Vector3d& part_centre_m,
                         const PlanKnowledge& knowledge, const TolerancedFeature& toleranced,
                         const BoundCharacteristic& bound, v1::FeatureVerdict* verdict) {
   ConformanceOptions options;
@@ -55,8 +55,7 @@ absl::Status JudgeBound(const Inspection& inspection, const Requirements& requir
     counts.measured += measured;
     counts.used += measured && knowledge.uncertainty[t].total_m <= known_m;
   }
-  Feature feature =
-      MakeFeature(inspection, scans, part_centre_m, knowledge, bound.targets, known_m);
+  Feature feature = MakeFeature(inspection, knowledge, bound.targets, known_m);
   LeaveOutCorrelation(bound, feature);
   const auto fit = FitCharacteristic(feature, bound.characteristic);
   if (absl::IsUnimplemented(fit.status())) return fit.status();
@@ -87,11 +86,9 @@ absl::Status JudgeBound(const Inspection& inspection, const Requirements& requir
 
 }  // namespace
 
-absl::StatusOr<std::vector<v1::FeatureVerdict>> JudgeFeatures(const Inspection& inspection,
-                                                              const Requirements& requirements,
-                                                              std::span<const Measurement> scans,
-                                                              const Eigen::Vector3d& part_centre_m,
-                                                              const PlanKnowledge& knowledge) {
+std::vector<v1::FeatureVerdict> JudgeFeatures(const Inspection& inspection,
+                                              const Requirements& requirements,
+                                              const PlanKnowledge& knowledge) {
   std::vector<v1::FeatureVerdict> verdicts;
   for (const TolerancedFeature& toleranced : requirements.features) {
     v1::FeatureVerdict& verdict = verdicts.emplace_back();
@@ -107,11 +104,11 @@ absl::StatusOr<std::vector<v1::FeatureVerdict>> JudgeFeatures(const Inspection& 
     }
     const auto bound =
         BindCharacteristic(toleranced, requirements, *knowledge.targets,
-                           MostEvaluatedTargets(inspection, toleranced, scans.size()));
+                           MostEvaluatedTargets(inspection, toleranced, knowledge.density.size()));
     absl::Status judged = bound.status();
     if (judged.ok()) {
-      judged = JudgeBound(inspection, requirements, scans, part_centre_m, knowledge, toleranced,
-                          *bound, &verdict);
+      judged =
+          JudgeBound(inspection, requirements, knowledge, toleranced, *bound, &verdict);
     }
     if (!judged.ok()) SetNotEvaluated(judged.message(), &verdict);
   }

@@ -18,13 +18,10 @@ namespace sightline {
 
 // One verdict per feature and then one per unbound tolerance, in their order (core/conformance).
 // The verdict is NOT_EVALUATED, and says why, if nothing is fitted to the feature's surfaces or one
-// of them holds too few targets. `scans` are those of `knowledge.density`, `part_centre_m`
-// the centre of the part's bounding box.
-absl::StatusOr<std::vector<v1::FeatureVerdict>> JudgeFeatures(const Inspection& inspection,
-                                                              const Requirements& requirements,
-                                                              std::span<const Measurement> scans,
-                                                              const Eigen::Vector3d& part_centre_m,
-                                                              const PlanKnowledge& knowledge);
+// of them holds too few targets.
+std::vector<v1::FeatureVerdict> JudgeFeatures(const Inspection& inspection,
+                                              const Requirements& requirements,
+                                              const PlanKnowledge& knowledge);
 
 v1::ToleranceCounts CountVerdicts(std::span<const v1::FeatureVerdict> verdicts);
 

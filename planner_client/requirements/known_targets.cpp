@@ -3,52 +3,10 @@
 
 #include <algorithm>
 
-#include "core/rig/scan_geometry.h"
 #include "core/surface_inference/surface_inference.h"
 
 namespace sightline {
 namespace {
-
-// Errors of the lens are common to all scans, those of camera and laser each scan has its own.
-void AddCalibration(const Inspection& inspection, std::span<const Measurement> scans,
-                    const Eigen::Vector3d& part_centre_m, const PlanKnowledge& knowledge,
-                    const std::vector<uint32_t>& chosen, Feature& feature) {
-  constexpr int kOwn = kFocalLengthError - kCameraAlpha;  // variables of camera and laser
-  const CalibrationCovariance covariance =
-      inspection.uncertainty->calibration
-          .bottomRightCorner<kCalibrationVariables, kCalibrationVariables>();
-  CalibrationCovariance own = CalibrationCovariance::Zero();
-  own.topLeftCorner<kOwn, kOwn>() = covariance.topLeftCorner<kOwn, kOwn>();
-  constexpr int kLens = kCalibrationVariables - kOwn;
-  feature.common_covariance.bottomRightCorner<kLens, kLens>() =
-      covariance.bottomRightCorner<kLens, kLens>();
-  for (size_t s = 0; s < scans.size(); ++s) {
-    ScanSensitivity sensitivity;
-    const auto count = static_cast<Eigen::Index>(chosen.size());
-    sensitivity.derivatives.resize(count, kCalibrationVariables);
-    sensitivity.weights = Eigen::VectorXd::Zero(count);
-    sensitivity.covariance = own;
-    const ScanGeometry geometry = MakeScanGeometry(inspection.rig, scans[s]);
-    for (Eigen::Index i = 0; i < count; ++i) {
-      const uint32_t t = chosen[static_cast<size_t>(i)];
-      double sum = 0;
-      for (const auto& scan : knowledge.density) sum += scan[t];
-      const Eigen::Vector3d position = knowledge.targets->positions_m[t].cast<double>();
-      const double stage_m =
-          geometry.LitStagePosition(PartToWorld(geometry, part_centre_m, position, 0));
-      const TriangulationSetup setup = MakeTriangulationSetup(
-          inspection.rig.camera, WorldToPart(geometry, part_centre_m, geometry.camera, stage_m),
-          WorldToPart(geometry, part_centre_m, geometry.laser, stage_m));
-      const CalibrationRow row =
-          CalibrationDerivatives(setup, position, knowledge.targets->normals[t].cast<double>());
-      // Scans count by the information they bring.
-      const bool usable = sum > 0 && row.allFinite();
-      sensitivity.weights(i) = usable ? knowledge.density[s][t] / sum : 0;
-      sensitivity.derivatives.row(i) = usable ? row : CalibrationRow::Zero().eval();
-    }
-    feature.scans.push_back(std::move(sensitivity));
-  }
-}
 
 Eigen::Vector3d CentreOf(const FeatureElement& element, const Feature& feature) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
@@ -58,8 +16,7 @@ Eigen::Vector3d CentreOf(const FeatureElement& element, const Feature& feature) 
 
 }  // namespace
 
-Feature MakeFeature(const Inspection& inspection, std::span<const Measurement> scans,
-                    const Eigen::Vector3d& part_centre_m, const PlanKnowledge& knowledge,
+Feature MakeFeature(const Inspection& inspection, const PlanKnowledge& knowledge,
                     const std::vector<uint32_t>& targets, double known_m) {
   Feature feature;
   for (const uint32_t t : targets) {
@@ -71,8 +28,9 @@ Feature MakeFeature(const Inspection& inspection, std::span<const Measurement> s
     target.known = knowledge.uncertainty[t].total_m <= known_m;
     feature.targets.push_back(target);
   }
+  feature.common_deviations_m = knowledge.shared.CalibrationDeviations(targets);
+  feature.registration_deviations_m = knowledge.shared.RegistrationDeviations(targets);
   if (inspection.uncertainty->HasCalibrationErrors()) {
-    AddCalibration(inspection, scans, part_centre_m, knowledge, targets, feature);
     // See Feature::correlation_length_m.
     feature.correlation_length_m = 2 * CovarianceLengthScale(inspection.uncertainty->resolution_m);
   }

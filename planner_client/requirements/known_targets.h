@@ -3,11 +3,11 @@
 #pragma once
 
 #include <cstdint>
-#include <span>
 #include <vector>
 
 #include "core/conformance/feature.h"
 #include "core/inspection/inspection.h"
+#include "core/shared_errors/shared_errors.h"
 #include "core/surface_inference/surface_inference.h"
 #include "core/targets/target_set.h"
 #include "planner_client/requirements/characteristic_of.h"
@@ -22,15 +22,15 @@ struct PlanKnowledge {
   std::vector<SurfaceUncertainty> uncertainty;  // exact, of every target after all scans
   std::vector<int32_t> points;                  // that inform about every target
   // For every scan, the equivalent information density of every target, or else its weight in the
-  // estimate there: only the proportions of the scans count. Needed with calibration errors.
+  // estimate there: only the proportions of the scans count. Needed where errors are shared.
   std::vector<std::vector<float>> density;
+  // Errors common to targets (SharedErrorsOf); without them all are independent.
+  SharedErrors shared;
 };
 
 // `targets` are those of a BoundCharacteristic. Targets less certain than `known_m` [m] are not
-// known. Each scan has the calibration errors of camera and laser as its own, and those of the lens
-// in common with the others. `scans` are those of `knowledge.density`.
-Feature MakeFeature(const Inspection& inspection, std::span<const Measurement> scans,
-                    const Eigen::Vector3d& part_centre_m, const PlanKnowledge& knowledge,
+// known.
+Feature MakeFeature(const Inspection& inspection, const PlanKnowledge& knowledge,
                     const std::vector<uint32_t>& targets, double known_m);
 
 // Most targets of a feature that are evaluated. Errors of profiles without datums need not be known

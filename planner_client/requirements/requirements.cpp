@@ -285,6 +285,11 @@ absl::StatusOr<Requirements> MakeRequirements(const Inspection& inspection,
         " are left out), and tolerances.zone_width_m is not given"));
   }
 
+  if (inspection.uncertainty->registration == RegistrationMethod::kDatumFeatures &&
+      requirements.datum_faces.empty()) {
+    return absl::InvalidArgumentError(
+        "uncertainty.registration is DATUM_FEATURES: the tolerances name no datum with a face");
+  }
   double narrowest_m = given.zone_width_m.value_or(part_size_m);
   for (const TolerancedFeature& feature : requirements.features) {
     if (!(feature.zone_width_m > 0)) continue;

@@ -190,19 +190,15 @@ TEST(FeatureVerdicts, ProfilesAreJudgedByTheirTargets) {
   const TargetSet targets = GridTargets();
   TargetBits measurable(targets.size());
   for (size_t t = 0; t < targets.size(); ++t) measurable.Set(t);
-  auto verdicts = JudgeFeatures(inspection, *requirements, {}, Eigen::Vector3d::Zero(),
-                                KnowAll(targets, measurable, 2e-5));
-  ASSERT_TRUE(verdicts.ok()) << verdicts.status();
-  ASSERT_EQ(verdicts->size(), 1u);
-  EXPECT_TRUE((*verdicts)[0].can_be_proven()) << (*verdicts)[0].because();
-  EXPECT_EQ((*verdicts)[0].targets(), 100);
-  EXPECT_EQ((*verdicts)[0].admissible_targets(), 100);
-  EXPECT_NEAR((*verdicts)[0].acceptance_zone_m(), 0.0002 - 4 * 2e-5, 1e-9);
-  verdicts = JudgeFeatures(inspection, *requirements, {}, Eigen::Vector3d::Zero(),
-                           KnowAll(targets, measurable, 8e-5));
-  ASSERT_TRUE(verdicts.ok());
-  EXPECT_FALSE((*verdicts)[0].can_be_proven());
-  EXPECT_EQ((*verdicts)[0].admissible_targets(), 0);
+  auto verdicts = JudgeFeatures(inspection, *requirements, KnowAll(targets, measurable, 2e-5));
+  ASSERT_EQ(verdicts.size(), 1u);
+  EXPECT_TRUE(verdicts[0].can_be_proven()) << verdicts[0].because();
+  EXPECT_EQ(verdicts[0].targets(), 100);
+  EXPECT_EQ(verdicts[0].admissible_targets(), 100);
+  EXPECT_NEAR(verdicts[0].acceptance_zone_m(), 0.0002 - 4 * 2e-5, 1e-9);
+  verdicts = JudgeFeatures(inspection, *requirements, KnowAll(targets, measurable, 8e-5));
+  EXPECT_FALSE(verdicts[0].can_be_proven());
+  EXPECT_EQ(verdicts[0].admissible_targets(), 0);
 }
 
 TEST(FeatureVerdicts, AFittedPlaneAveragesOverItsTargets) {
@@ -213,12 +209,10 @@ TEST(FeatureVerdicts, AFittedPlaneAveragesOverItsTargets) {
   requirements->features[0].kind = ToleranceKind::kPosition;
   const TargetSet targets = GridTargets();
   TargetBits measurable(targets.size());
-  const auto verdicts = JudgeFeatures(inspection, *requirements, {}, Eigen::Vector3d::Zero(),
-                                      KnowAll(targets, measurable, 8e-5));
-  ASSERT_TRUE(verdicts.ok());
+  const auto verdicts = JudgeFeatures(inspection, *requirements, KnowAll(targets, measurable, 8e-5));
   // Worst at a corner: 1/n for the offset and 3/n for each tilt.
-  EXPECT_NEAR((*verdicts)[0].uncertainty_m(), 8e-5 * std::sqrt(7.0 / 100), 0.1 * 8e-5);
-  EXPECT_TRUE((*verdicts)[0].can_be_proven()) << (*verdicts)[0].because();
+  EXPECT_NEAR(verdicts[0].uncertainty_m(), 8e-5 * std::sqrt(7.0 / 100), 0.1 * 8e-5);
+  EXPECT_TRUE(verdicts[0].can_be_proven()) << verdicts[0].because();
 }
 
 TEST(FeatureVerdicts, TooFewTargetsAreSaid) {
@@ -233,11 +227,9 @@ TEST(FeatureVerdicts, TooFewTargetsAreSaid) {
   ASSERT_TRUE(requirements.ok());
   const TargetSet targets = GridTargets();
   TargetBits measurable(targets.size());
-  const auto verdicts = JudgeFeatures(inspection, *requirements, {}, Eigen::Vector3d::Zero(),
-                                      KnowAll(targets, measurable, 1e-5));
-  ASSERT_TRUE(verdicts.ok());
-  EXPECT_FALSE((*verdicts)[0].can_be_proven());
-  EXPECT_THAT((*verdicts)[0].because(), HasSubstr("only 2 targets lie on it"));
+  const auto verdicts = JudgeFeatures(inspection, *requirements, KnowAll(targets, measurable, 1e-5));
+  EXPECT_FALSE(verdicts[0].can_be_proven());
+  EXPECT_THAT(verdicts[0].because(), HasSubstr("only 2 targets lie on it"));
 }
 
 }  // namespace

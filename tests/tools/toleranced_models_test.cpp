@@ -110,7 +110,7 @@ absl::StatusOr<std::vector<v1::FeatureVerdict>> Judge(const Model& model, double
     knowledge.uncertainty.push_back({own_m, 0.8 * own_m, 0.6 * own_m, 0});
     knowledge.points.push_back(missing ? 0 : 10);
   }
-  return JudgeFeatures(inspection, *requirements, {}, Eigen::Vector3d::Zero(), knowledge);
+  return JudgeFeatures(inspection, *requirements, knowledge);
 }
 
 // A length as reasons print it: "12.3 um", "0.25 mm".

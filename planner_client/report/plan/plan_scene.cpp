@@ -306,6 +306,9 @@ v1::SceneUncertainty Uncertainty(const ReportData& data) {
   *shown.mutable_noise() = Lengths(uncertainties.noise_m);
   *shown.mutable_sampling() = Lengths(uncertainties.sampling_m);
   *shown.mutable_calibration() = Lengths(uncertainties.calibration_m);
+  if (!uncertainties.registration_m.empty()) {
+    *shown.mutable_registration() = Lengths(uncertainties.registration_m);
+  }
   *shown.mutable_admissible() = Lengths(uncertainties.admissible_m);
   shown.set_relaxed_m(uncertainties.relaxed_m);
   // Classes follow from the exact numbers, not from the codes above.

@@ -77,6 +77,9 @@ std::vector<v1::UncertaintyLimit> UncertaintyLimits(const TargetUncertainties& u
       case UncertaintyPart::kCalibration:
         limits[t] = v1::UNCERTAINTY_LIMIT_CALIBRATION;
         break;
+      case UncertaintyPart::kRegistration:
+        limits[t] = v1::UNCERTAINTY_LIMIT_REGISTRATION;
+        break;
       case UncertaintyPart::kSampling:
         limits[t] = v1::UNCERTAINTY_LIMIT_SAMPLING;
         break;
@@ -115,6 +118,8 @@ std::string LimitWords(v1::UncertaintyLimit limit) {
       return "not measured by any scan";
     case v1::UNCERTAINTY_LIMIT_CALIBRATION:
       return "calibration: errors that all points of a scan share";
+    case v1::UNCERTAINTY_LIMIT_REGISTRATION:
+      return "registration: errors of joining set-ups";
     case v1::UNCERTAINTY_LIMIT_SAMPLING:
       return "sampling: what the surface may do between and beyond the points";
     case v1::UNCERTAINTY_LIMIT_NOISE:
@@ -136,6 +141,9 @@ std::string WhatHelps(v1::UncertaintyLimit limit) {
       return "another scan has to see it";
     case v1::UNCERTAINTY_LIMIT_CALIBRATION:
       return "a better calibration, or scans from other sides; more points do not help";
+    case v1::UNCERTAINTY_LIMIT_REGISTRATION:
+      return "more surface that set-ups have in common, fewer set-ups, or poses that are known "
+             "otherwise (uncertainty.registration)";
     case v1::UNCERTAINTY_LIMIT_SAMPLING:
       return "finer steps, scans from nearer, points all around the target";
     case v1::UNCERTAINTY_LIMIT_NOISE:

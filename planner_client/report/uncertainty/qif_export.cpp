@@ -392,6 +392,7 @@ void WriteFigures(const v1::FeatureVerdict& feature, Attributes& attributes) {
   length("predicted_noise_mm", feature.has_noise_m(), feature.noise_m());
   length("predicted_sampling_mm", feature.has_sampling_m(), feature.sampling_m());
   length("predicted_calibration_mm", feature.has_calibration_m(), feature.calibration_m());
+  length("predicted_registration_mm", feature.has_registration_m(), feature.registration_m());
   length("admissible_standard_uncertainty_mm", feature.has_admissible_uncertainty_m(),
          feature.admissible_uncertainty_m());
   length("zone_width_mm", feature.has_zone_width_m(), feature.zone_width_m());

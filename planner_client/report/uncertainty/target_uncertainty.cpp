@@ -45,8 +45,9 @@ UncertaintyPart DominatingPart(const TargetUncertainties& uncertainties, size_t 
   double largest_m = uncertainties.noise_m[target];
   for (const auto& [candidate, values] :
        {std::pair{UncertaintyPart::kSampling, &uncertainties.sampling_m},
-        std::pair{UncertaintyPart::kCalibration, &uncertainties.calibration_m}}) {
-    if ((*values)[target] <= largest_m) continue;
+        std::pair{UncertaintyPart::kCalibration, &uncertainties.calibration_m},
+        std::pair{UncertaintyPart::kRegistration, &uncertainties.registration_m}}) {
+    if (values->empty() || (*values)[target] <= largest_m) continue;
     part = candidate;
     largest_m = (*values)[target];
   }
@@ -59,7 +60,9 @@ absl::Status CheckTargetUncertainties(const TargetUncertainties& uncertainties, 
        {std::pair{"total_m", &uncertainties.total_m}, std::pair{"noise_m", &uncertainties.noise_m},
         std::pair{"sampling_m", &uncertainties.sampling_m},
         std::pair{"calibration_m", &uncertainties.calibration_m},
+        std::pair{"registration_m", &uncertainties.registration_m},
         std::pair{"admissible_m", &uncertainties.admissible_m}}) {
+    if (values == &uncertainties.registration_m && values->empty()) continue;
     if (values->size() != targets)
       return WrongSize(context, field, values->size(), targets, "number of targets");
     if (absl::Status status = CheckValues(context, field, *values); !status.ok()) return status;

@@ -96,11 +96,11 @@ absl::StatusOr<std::string> UncertaintyPly(const TargetSet& targets,
   for (const char* property :
        {"float x", "float y", "float z", "float nx", "float ny", "float nz", "uchar red",
         "uchar green", "uchar blue", "float uncertainty_m", "float noise_m", "float sampling_m",
-        "float calibration_m", "float admissible_m", "uchar class"}) {
+        "float calibration_m", "float registration_m", "float admissible_m", "uchar class"}) {
     absl::StrAppend(&bytes, "property ", property, "\n");
   }
   bytes += "end_header\n";
-  bytes.reserve(bytes.size() + 48 * count);
+  bytes.reserve(bytes.size() + 52 * count);
   for (size_t i = 0; i < count; ++i) {
     for (const Eigen::Vector3f& v : {targets.positions_m[i], targets.normals[i]}) {
       for (int axis = 0; axis < 3; ++axis) AppendFloat(&bytes, v[axis]);
@@ -111,6 +111,8 @@ absl::StatusOr<std::string> UncertaintyPly(const TargetSet& targets,
     AppendFloat(&bytes, uncertainties.noise_m[i]);
     AppendFloat(&bytes, uncertainties.sampling_m[i]);
     AppendFloat(&bytes, uncertainties.calibration_m[i]);
+    AppendFloat(&bytes,
+                uncertainties.registration_m.empty() ? 0 : uncertainties.registration_m[i]);
     AppendFloat(&bytes, uncertainties.admissible_m[i]);
     bytes += static_cast<char>(kind);
   }

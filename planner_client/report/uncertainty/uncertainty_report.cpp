@@ -127,6 +127,7 @@ std::vector<v1::ReportColumn> FeatureColumns() {
           InGroup(kU, NumberColumn("noise", "\u00b5m")),
           InGroup(kU, NumberColumn("sampling", "\u00b5m")),
           InGroup(kU, NumberColumn("calibration", "\u00b5m")),
+          InGroup(kU, NumberColumn("registration", "\u00b5m")),
           InGroup(kU, NumberColumn("admissible", "\u00b5m")),
           InGroup(kWrong, NumberColumn("acceptance")),
           InGroup(kWrong, NumberColumn("rejection")),
@@ -148,6 +149,7 @@ ReportCells RowOf(const v1::FeatureVerdict& feature) {
       MicrometreCell(feature.has_noise_m(), feature.noise_m()),
       MicrometreCell(feature.has_sampling_m(), feature.sampling_m()),
       MicrometreCell(feature.has_calibration_m(), feature.calibration_m()),
+      MicrometreCell(feature.has_registration_m(), feature.registration_m()),
       MicrometreCell(feature.has_admissible_uncertainty_m(), feature.admissible_uncertainty_m()),
       ProbabilityCell(feature.has_probability_wrong_acceptance(),
                       feature.probability_wrong_acceptance()),
@@ -194,7 +196,11 @@ std::vector<v1::ReportRun> UncertaintyFinding(const v1::Plan& plan,
   const int scans = plan.scans_size();
   std::string text = " of the toleranced surface known well enough to prove its tolerances";
   if (uncertainty.goal() > 0 && !GoalReached(uncertainty)) {
-    absl::StrAppend(&text, ", short of the goal of ", Goal(uncertainty.goal()), ": ", why_stopped);
+    // The search knows no errors that scans share (requirements/joined_scans.h).
+    absl::StrAppend(&text, ", short of the goal of ", Goal(uncertainty.goal()), ": ",
+                    plan.stop_reason() == v1::Plan::STOP_REASON_GOAL_REACHED
+                        ? "the search reached it without the errors of joining set-ups"
+                        : why_stopped);
   }
   text += ".";
   if (uncertainty.has_fresh_admissible_fraction()) {
@@ -204,6 +210,9 @@ std::vector<v1::ReportRun> UncertaintyFinding(const v1::Plan& plan,
   }
   if (uncertainty.features_size() > 0) {
     absl::StrAppend(&text, " ", ToleranceCountText(uncertainty));
+  }
+  for (const std::string& statement : {uncertainty.registration(), uncertainty.calibration()}) {
+    if (!statement.empty()) absl::StrAppend(&text, " ", statement);
   }
   const v1::ScanCountBound& bound = uncertainty.bound();
   if (bound.scans() > 0 && bound.converged()) {

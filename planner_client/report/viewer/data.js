@@ -52,7 +52,8 @@ function lengths(raw) {
 function readUncertainty(raw) {
   return {
     total: lengths(raw.total), noise: lengths(raw.noise), sampling: lengths(raw.sampling),
-    calibration: lengths(raw.calibration), admissible: lengths(raw.admissible),
+    calibration: lengths(raw.calibration), registration: lengths(raw.registration),
+    admissible: lengths(raw.admissible),
     relaxed: raw.relaxed_m ?? 0,
     classes: unpack(Uint8Array, raw.classes),
     sensitivities: (raw.sensitivities ?? []).map((map) => (map.detection ?
@@ -109,10 +110,12 @@ export function readScene(raw) {
   };
 }
 
-/** The largest of noise, sampling, calibration per target: 0, 1, 2. */
-export function dominatingParts({noise, sampling, calibration}) {
-  return Uint8Array.from(noise, (n, i) =>
-    (calibration[i] > Math.max(n, sampling[i]) ? 2 : sampling[i] > n ? 1 : 0));
+/** The largest of noise, sampling, calibration, registration per target: 0, 1, 2, 5 (PART_STATES). */
+export function dominatingParts({noise, sampling, calibration, registration}) {
+  return Uint8Array.from(noise, (n, i) => {
+    if (registration?.[i] > Math.max(n, sampling[i], calibration[i])) return 5;
+    return calibration[i] > Math.max(n, sampling[i]) ? 2 : sampling[i] > n ? 1 : 0;
+  });
 }
 
 /** Number of the first scan (1, 2, ...) that measures each target; 0: none. */

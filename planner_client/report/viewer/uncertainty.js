@@ -14,6 +14,7 @@ export const PART_STATES = [
   [0, '--noise', 'noise'],
   [1, '--sampling', 'sampling'],
   [2, '--calibration', 'calibration'],
+  [5, '--registration', 'registration'],
   [3, '--not-measured', 'not measured'],
   [4, '--not-measurable', 'not measurable'],
 ];

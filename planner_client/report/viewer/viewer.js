@@ -141,7 +141,9 @@ class Viewer {
     // One scale for the total and its parts, so that they can be compared. What no scan measures
     // keeps its prior, far beyond the rest: it has the colour of the upper end.
     const measured = (values, least) => [...values].filter((v, i) => this.first[i] > 0 && v > least * uncertainty.total[i]);
-    this.scale = new LogScale(['total', 'noise', 'sampling', 'calibration'].flatMap((part) => measured(uncertainty[part], 0.05)));
+    this.scale = new LogScale(['total', 'noise', 'sampling', 'calibration', 'registration'].flatMap(
+      (part) => measured(uncertainty[part] ?? [], 0.05)));
+    if (!uncertainty.registration) $('#u-part').querySelector('[value=registration]').remove();
     const maps = uncertainty.sensitivities.filter((map) => map);
     this.sensitivityScale = new LogScale(maps.flatMap((map) => [...map.detection, ...(map.calibration ?? [])]));
     if (!maps.some((map) => map.calibration)) $('#s-part').querySelector('[value=calibration]').remove();
@@ -163,7 +165,8 @@ class Viewer {
     const u = this.data.uncertainty;
     if (u.classes[i] === 4) return 'not measurable';
     const admissible = u.admissible[i] > 0 ? `, admissible ${lengthText(u.admissible[i])}` : '';
-    return `u ${lengthText(u.total[i])}${admissible}: noise ${lengthText(u.noise[i])}, sampling ${lengthText(u.sampling[i])}, calibration ${lengthText(u.calibration[i])}`;
+    return `u ${lengthText(u.total[i])}${admissible}: noise ${lengthText(u.noise[i])}, sampling ${lengthText(u.sampling[i])}, calibration ${lengthText(u.calibration[i])}` +
+      (u.registration ? `, registration ${lengthText(u.registration[i])}` : '');
   }
 
   /** Colours by why targets are not measured. */

@@ -128,6 +128,26 @@ ChangeTimes TimesBeforeFirst(const ExecutionModel& model) {
   return times;
 }
 
+std::vector<Placings> PlacingsOf(const ExecutionModel& model, std::span<const Measurement> scans) {
+  std::vector<Placings> placings;
+  for (size_t i = 0; i < scans.size(); ++i) {
+    Placings placing{i, i};
+    if (i > 0) {
+      const Measurement &before = scans[i - 1], &scan = scans[i];
+      const bool sensors_stay =
+          !model.robot_holds_head && SamePlaceOfSensors(model, before, scan);
+      const bool part_stays = !model.robot_holds_part && SameRest(model, before, scan) &&
+                              SameAngle(before.part_gamma_rad, scan.part_gamma_rad) &&
+                              SameValue(before.offset_y_m, scan.offset_y_m) &&
+                              SameValue(before.offset_z_m, scan.offset_z_m);
+      if (sensors_stay) placing.sensors = placings.back().sensors;
+      if (part_stays) placing.part = placings.back().part;
+    }
+    placings.push_back(placing);
+  }
+  return placings;
+}
+
 std::vector<SetupRun> SetupsOf(const ExecutionModel& model, std::span<const Measurement> scans) {
   std::vector<SetupRun> runs;
   // The first scan with each place and each resting face.

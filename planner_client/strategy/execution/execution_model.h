@@ -61,6 +61,16 @@ ChangeTimes TimesBetween(const ExecutionModel& model, const Measurement& from,
 // Before the first scan: the part is laid down and the sensors are put in their place.
 ChangeTimes TimesBeforeFirst(const ExecutionModel& model);
 
+// Numbers of the placing of the sensors and of the placing of the part that a scan is made with.
+// Scans with the same number follow one another without these being touched.
+struct Placings {
+  size_t sensors = 0, part = 0;
+};
+
+// The placings of scans that are made in this order. A person who turns or shifts the part on the
+// table touches it. A robot comes to every scan anew.
+std::vector<Placings> PlacingsOf(const ExecutionModel& model, std::span<const Measurement> scans);
+
 // Scans that follow one another without a change of resting face or place of the sensors.
 struct SetupRun {
   // Positions of the first scan and behind the last one.

@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cmath>
 #include <filesystem>
+#include <set>
 #include <system_error>
 #include <vector>
 
@@ -26,6 +27,7 @@
 #include "planner_client/report/uncertainty/inadmissible.h"
 #include "planner_client/report/uncertainty/uncertainty_report.h"
 #include "planner_client/requirements/feature_verdicts.h"
+#include "planner_client/requirements/joined_scans.h"
 #include "planner_client/strategy/execution/execution_bound.h"
 #include "planner_client/strategy/scan_order.h"
 
@@ -68,33 +70,130 @@ v1::PlannedScan DescribeScan(const PlanningSession& session, const ChosenScan& c
   return scan;
 }
 
-// Verdicts about the toleranced features; `document` has its uncertainties.
-absl::Status AddVerdicts(const PlanningSession& session, std::span<const Measurement> scans,
-                         PlanDocument& document) {
-  const PosteriorUncertainties& u = document.uncertainties;
+// Scans and targets with what the scans make known of them, and the errors that they share.
+// `uncertainties` become those of the joined scans.
+absl::StatusOr<PlanKnowledge> JoinScans(const PlanningSession& session, CoverageClient& client,
+                                        std::span<const Measurement> scans,
+                                        PosteriorUncertainties& uncertainties) {
+  PosteriorUncertainties& u = uncertainties;
   PlanKnowledge knowledge;
-  knowledge.targets = &session.client->targets();
-  knowledge.measurable = &session.client->measurable();
+  knowledge.targets = &client.targets();
+  knowledge.measurable = &client.measurable();
   knowledge.points = u.points;
   for (size_t t = 0; t < u.total_m.size(); ++t) {
     knowledge.uncertainty.push_back(
         {u.total_m[t], u.noise_m[t], u.sampling_m[t], u.calibration_m[t]});
   }
-  if (session.inspection.uncertainty->HasCalibrationErrors()) {
-    auto information = session.client->FastInformation(scans);
-    if (!information.ok()) return information.status();
-    for (const InformedScan& scan : *information) {
-      std::vector<float>& density = knowledge.density.emplace_back(u.total_m.size(), 0.0f);
-      for (size_t i = 0; i < scan.targets.size(); ++i) density[scan.targets[i]] = scan.density[i];
+  const bool joins = session.inspection.uncertainty->registration != RegistrationMethod::kNone;
+  if (joins) u.registration_m.assign(u.total_m.size(), 0);
+  if (!HasSharedErrors(session.inspection) || scans.empty()) return knowledge;
+  auto information = client.FastInformation(scans);
+  if (!information.ok()) return information.status();
+  for (const InformedScan& scan : *information) {
+    std::vector<float>& density = knowledge.density.emplace_back(u.total_m.size(), 0.0f);
+    for (size_t i = 0; i < scan.targets.size(); ++i) density[scan.targets[i]] = scan.density[i];
+  }
+  knowledge.shared = SharedErrorsOf(session.inspection, *session.requirements, scans,
+                                    client.scene().part_centre_m, knowledge,
+                                    session.inspection.uncertainty->registration);
+  const size_t steps = u.after_each_scan_m.size() / std::max<size_t>(1, u.total_m.size());
+  for (size_t t = 0; t < u.total_m.size(); ++t) {
+    SharedErrors::AtTarget shared;
+    if (!knowledge.shared.Evaluate(static_cast<uint32_t>(t), &shared)) continue;
+    SurfaceUncertainty& joined = knowledge.uncertainty[t];
+    joined.calibration_m = shared.calibration_m;
+    joined.registration_m = shared.registration_m;
+    const double before_m = joined.total_m;
+    joined.total_m = std::hypot(std::hypot(joined.noise_m, joined.sampling_m),
+                                joined.calibration_m, joined.registration_m);
+    u.total_m[t] = static_cast<float>(joined.total_m);
+    u.calibration_m[t] = static_cast<float>(joined.calibration_m);
+    if (joins) u.registration_m[t] = static_cast<float>(joined.registration_m);
+    // Scans before the last one are joined as all of them are.
+    const double added_m2 = joined.total_m * joined.total_m - before_m * before_m;
+    for (size_t s = 0; s < steps; ++s) {
+      float& after_m = u.after_each_scan_m[t * steps + s];
+      after_m = static_cast<float>(
+          std::sqrt(std::max(0.0, double{after_m} * double{after_m} + added_m2)));
     }
   }
-  auto verdicts = JudgeFeatures(session.inspection, *session.requirements, scans,
-                                session.client->scene().part_centre_m, knowledge);
-  if (!verdicts.ok()) return verdicts.status();
-  *document.plan.mutable_uncertainty()->mutable_tolerances() = CountVerdicts(*verdicts);
-  for (v1::FeatureVerdict& verdict : *verdicts) {
-    *document.plan.mutable_uncertainty()->add_features() = std::move(verdict);
+  return knowledge;
+}
+
+// Verdicts about the toleranced features.
+void AddVerdicts(const PlanningSession& session, const PlanKnowledge& knowledge,
+                 v1::PlanUncertainty& message) {
+  std::vector<v1::FeatureVerdict> verdicts =
+      JudgeFeatures(session.inspection, *session.requirements, knowledge);
+  *message.mutable_tolerances() = CountVerdicts(verdicts);
+  for (v1::FeatureVerdict& verdict : verdicts) *message.add_features() = std::move(verdict);
+}
+
+// How well the scans of every set-up are joined to the others.
+void AddRegistration(const PlanningSession& session, const SharedErrors& errors,
+                     const std::vector<int>& index_of, v1::Plan& plan) {
+  v1::PlanUncertainty& message = *plan.mutable_uncertainty();
+  message.set_registration(RegistrationStatement(session.inspection, errors));
+  message.set_calibration(CalibrationStatement(session.inspection));
+  if (session.inspection.uncertainty->registration == RegistrationMethod::kNone) return;
+  for (v1::Setup& setup : *plan.mutable_setups()) {
+    std::set<size_t> frames;
+    for (size_t s = 0; s < index_of.size(); ++s) {
+      const int number = plan.scans(index_of[s]).index();
+      if (std::find(setup.scans().begin(), setup.scans().end(), number) != setup.scans().end()) {
+        frames.insert(errors.frame_of(s));
+      }
+    }
+    double squares_m2 = 0;
+    int64_t targets = 0, overlap = 0;
+    bool determined = true;
+    for (const size_t f : frames) {
+      const FrameRegistration& frame = errors.frames()[f];
+      squares_m2 += static_cast<double>(frame.targets) * frame.standard_uncertainty_m *
+                    frame.standard_uncertainty_m;
+      targets += frame.targets;
+      overlap += frame.overlap_targets;
+      determined = determined && frame.determined;
+    }
+    if (targets == 0) continue;
+    v1::SetupRegistration& registration = *setup.mutable_registration();
+    registration.set_standard_uncertainty_m(std::sqrt(squares_m2 / static_cast<double>(targets)));
+    registration.set_overlap_targets(overlap);
+    registration.set_determined(determined);
   }
+}
+
+// Validation targets that are known admissibly, and at most relaxed_uncertainty_m, after the scans.
+absl::Status AddValidation(const PlanningSession& session, std::span<const Measurement> scans,
+                           v1::PlanUncertainty& message) {
+  if (session.measured_gain_model != nullptr) {
+    auto score = session.gain_model->ScorePlan(scans, true);
+    if (!score.ok()) return score.status();
+    const auto all = static_cast<double>(std::max<int64_t>(1, score->validation_judged));
+    message.set_fresh_judged_targets(score->validation_judged);
+    message.set_fresh_admissible_fraction(static_cast<double>(*score->validation_satisfied) / all);
+    message.set_fresh_relaxed_fraction(static_cast<double>(*score->validation_relaxed) / all);
+    return absl::OkStatus();
+  }
+  CoverageClient& client = *session.validation_client;
+  auto exact = client.Uncertainties(scans, {}, false, {});
+  if (!exact.ok()) return exact.status();
+  const auto joined = JoinScans(session, client, scans, *exact);
+  if (!joined.ok()) return joined.status();
+  const std::vector<float> admissible_m =
+      session.requirements->AdmissibleUncertainties(client.targets());
+  const auto relaxed_m = static_cast<float>(session.requirements->relaxed_uncertainty_m);
+  int64_t judged = 0, admissible = 0, relaxed = 0;
+  for (size_t t = 0; t < admissible_m.size(); ++t) {
+    if (!client.measurable().Test(t) || !(admissible_m[t] > 0)) continue;
+    ++judged;
+    admissible += exact->total_m[t] <= admissible_m[t];
+    relaxed += exact->total_m[t] <= std::max(admissible_m[t], relaxed_m);
+  }
+  const auto total = static_cast<double>(std::max<int64_t>(1, judged));
+  message.set_fresh_judged_targets(judged);
+  message.set_fresh_admissible_fraction(static_cast<double>(admissible) / total);
+  message.set_fresh_relaxed_fraction(static_cast<double>(relaxed) / total);
   return absl::OkStatus();
 }
 
@@ -150,6 +249,8 @@ absl::Status AddUncertainty(const PlanningSession& session, PlanDocument& docume
                    : session.client->Uncertainties(feasible, {}, true, {});
   if (!exact.ok()) return exact.status();
   document.uncertainties = *std::move(exact);
+  const auto knowledge = JoinScans(session, *session.client, feasible, document.uncertainties);
+  if (!knowledge.ok()) return knowledge.status();
 
   v1::PlanUncertainty& message = *document.plan.mutable_uncertainty();
   std::vector<float> judged_m;
@@ -204,16 +305,11 @@ absl::Status AddUncertainty(const PlanningSession& session, PlanDocument& docume
   message.mutable_gain()->set_information(gain.information);
   message.mutable_gain()->set_total_uncertainty(gain.total_uncertainty);
   if (!requirements.features.empty() || !requirements.unbound.empty()) {
-    if (absl::Status status = AddVerdicts(session, feasible, document); !status.ok()) return status;
+    AddVerdicts(session, *knowledge, message);
   }
+  AddRegistration(session, knowledge->shared, index_of, document.plan);
   if (session.validation_client && !feasible.empty()) {
-    auto score = session.gain_model->ScorePlan(feasible, true);
-    if (!score.ok()) return score.status();
-    const auto fresh = static_cast<double>(std::max<int64_t>(1, score->validation_judged));
-    message.set_fresh_judged_targets(score->validation_judged);
-    message.set_fresh_admissible_fraction(static_cast<double>(*score->validation_satisfied) /
-                                          fresh);
-    message.set_fresh_relaxed_fraction(static_cast<double>(*score->validation_relaxed) / fresh);
+    return AddValidation(session, feasible, message);
   }
   return absl::OkStatus();
 }
@@ -511,6 +607,9 @@ std::string SummarisePlan(const v1::Plan& plan) {
                             "linear propagation of errors is unreliable at %d of %d points "
                             "examined.\n",
                             u.second_order_points(), u.examined_points());
+    }
+    for (const std::string& statement : {u.registration(), u.calibration()}) {
+      if (!statement.empty()) absl::StrAppend(&text, statement, "\n");
     }
     text += SummariseInadmissible(u);
     text += SummariseVerdicts(u);

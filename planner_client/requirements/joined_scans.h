@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// Errors that the scans of a plan share because of how they are made: in which place of the sensors,
+// and without touching the part.
+#pragma once
+
+#include <span>
+#include <string>
+
+#include "core/inspection/inspection.h"
+#include "core/shared_errors/shared_errors.h"
+#include "planner_client/requirements/known_targets.h"
+#include "planner_client/requirements/requirements.h"
+
+namespace sightline {
+
+// Whether estimates of targets share errors at all.
+bool HasSharedErrors(const Inspection& inspection);
+
+// Errors of the scans of `knowledge.density`, in the order in which they are made. Camera and laser
+// in one housing, or held by one robot, have one calibration for all scans; otherwise they have one
+// for each place. Scans made without touching part or sensors have one frame. `method`: that of the
+// inspection, or kNone for scans that have been registered otherwise. The targets of `knowledge`
+// must outlive the result.
+SharedErrors SharedErrorsOf(const Inspection& inspection, const Requirements& requirements,
+                            std::span<const Measurement> scans,
+                            const Eigen::Vector3d& part_centre_m, const PlanKnowledge& knowledge,
+                            RegistrationMethod method);
+
+// One or two sentences: how the frames of the scans are joined, and how well.
+std::string RegistrationStatement(const Inspection& inspection, const SharedErrors& errors);
+// One sentence: which errors of the calibration are assumed.
+std::string CalibrationStatement(const Inspection& inspection);
+
+}  // namespace sightline
