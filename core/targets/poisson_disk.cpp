@@ -26,9 +26,6 @@ namespace {
 
 // Candidates per target that fits.
 constexpr double kCandidatesPerTarget = 12;
-// Targets per spacing^2 of a maximal sampling (packing density 0.70 of random sequential addition
-// is 0.547 = density * pi / 4 in units of the spacing).
-constexpr double kTargetsPerSpacing2 = 0.70;
 constexpr double kMaxTargets = 2e6;
 // Longest edge of the smallest pieces in spacings.
 constexpr double kPieceSize = 0.08;

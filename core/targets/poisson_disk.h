@@ -10,6 +10,10 @@
 
 namespace sightline {
 
+// Targets per spacing^2 of a plane that holds as many as fit (packing density of random sequential
+// addition of discs: 0.547 = density * pi / 4 in units of the spacing).
+inline constexpr double kTargetsPerSpacing2 = 0.70;
+
 // Poisson-disk sampling of the surface (after Corsini et al. 2012, thesis section 3.2): no two
 // targets of the same spacing class are closer (Euclidean, and on sides that face the same way:
 // normals within 90 degrees, so that both sides of a thin wall get their points) than their

@@ -328,6 +328,14 @@ absl::StatusOr<InspectionDraft> DraftInspection(const DraftRequest& request) {
       "About %d points on the surface, so far apart; one is covered by a measured point within "
       "the coverage radius.",
       draft.expected_targets);
+  for (v1::TargetRegion& region : SampleFeatures(request.toleranced_surfaces, spacing_m)) {
+    *targets.add_regions() = std::move(region);
+  }
+  if (targets.regions_size() > 0) {
+    comments["targets.regions"] = absl::StrFormat(
+        "Surfaces of tolerances and datums that would have fewer than %d points.",
+        kWishedFeatureTargets);
+  }
 
   v1::Rig& rig = *inspection.mutable_rig();
   rig.set_part_holding(request.holding);

@@ -11,6 +11,7 @@
 #include "core/catalogue/catalogue.h"
 #include "core/part/part_health.h"
 #include "planner_client/inspection_draft/commented_json.h"
+#include "planner_client/inspection_draft/feature_sampling.h"
 #include "planner_client/inspection_draft/rig_draft.h"
 #include "sightline/v1/inspection.pb.h"
 
@@ -46,6 +47,8 @@ struct DraftRequest {
   // STEP or QIF file with the tolerances of the drawing; set: a plan for uncertainty.
   std::string tolerance_file;
   std::string tolerance_unit;  // of that file, if it states none
+  // Faces that its tolerances and datums bind; empty where the file gives no surfaces.
+  std::vector<TolerancedSurface> toleranced_surfaces;
   // Tolerances that the part's STEP file has, for a word on them; 0: none, or not looked for.
   int tolerances_in_part = 0;
 };

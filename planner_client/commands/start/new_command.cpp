@@ -427,6 +427,7 @@ absl::Status TakeTolerances(const NewInspectionOptions& options, DraftRequest* r
   }
   request->tolerance_file = FromFolderOf(options.out, file);
   request->tolerance_unit = options.tolerances_unit;
+  request->toleranced_surfaces = TolerancedSurfacesOf(imported->report, imported->faces);
   return absl::OkStatus();
 }
 
