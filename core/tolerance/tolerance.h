@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "absl/status/status.h"
+#include "core/tolerance/nominal_face.h"
 
 namespace sightline {
 
@@ -61,7 +62,8 @@ struct Tolerance {
   std::vector<std::string> datums;
   // "maximum material requirement", "free state", "per 25.4 x 25.4 mm", ...
   std::vector<std::string> modifiers;
-  // Faces of the STEP file, counted from 1 in the order in which they are imported. Empty for QIF.
+  // Faces of the STEP file, counted from 1 in the order in which they are imported; for QIF numbers
+  // of ToleranceReport::nominal_faces.
   std::vector<int> faces;
   // Bound features in words if they are no faces of a STEP file: "cylinder Hole 3 (feature 17)".
   std::vector<std::string> features;
@@ -94,6 +96,8 @@ struct ToleranceReport {
   std::vector<Datum> datums;
   std::vector<UnreadTolerance> not_read;
   int entity_count = 0;
+  // Nominal geometry of the features of a QIF file; empty for STEP, which has faces.
+  std::vector<NominalFace> nominal_faces;
   // Notes for the reader: how the file was checked, where two ways of reading it disagree.
   std::vector<std::string> notes;
 };

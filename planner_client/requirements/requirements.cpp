@@ -130,7 +130,11 @@ absl::Status AddTolerance(const Tolerance& tolerance, const ToleranceReport& rep
     AddNominal(*face->second, requirements);
   }
   if (feature.faces.empty()) {
-    return leave_out("it binds no face that the file gives the surface of");
+    if (tolerance.features.empty()) {
+      return leave_out("it binds no face that the file gives the surface of");
+    }
+    return leave_out(absl::StrCat("no surface of the part lies on its ", tolerance.features.front(),
+                                  ", or features of that kind are not bound"));
   }
   requirements->features.push_back(std::move(feature));
   requirements->tolerances.push_back(tolerance);

@@ -52,6 +52,11 @@ absl::StatusOr<ImportedTolerances> ImportStep(const std::string& file,
 
 }  // namespace
 
+std::vector<FaceTriangles> FacesOf(const ImportedTolerances& imported, const TriangleMesh& part) {
+  if (imported.report.nominal_faces.empty()) return imported.faces;
+  return FacesOnMesh(imported.report.nominal_faces, part);
+}
+
 absl::StatusOr<ImportedTolerances> ImportTolerances(const std::string& file,
                                                     const ToleranceImportOptions& options) {
   const std::string suffix = absl::AsciiStrToLower(fs::path(file).extension().string());

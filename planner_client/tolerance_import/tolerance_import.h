@@ -7,6 +7,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "core/part/mesh.h"
 #include "core/tolerance/face_surface.h"
 #include "core/tolerance/tolerance.h"
 
@@ -28,9 +29,13 @@ struct ToleranceImportOptions {
 struct ImportedTolerances {
   ToleranceReport report;
   // Triangles of the STEP file's faces, in metres in its coordinates, which are those of the GLB
-  // that sightline_step_import makes of it. Empty for QIF.
+  // that sightline_step_import makes of it. Empty for QIF, whose features have nominal geometry.
   std::vector<FaceTriangles> faces;
 };
+
+// The faces that the tolerances name, by number: those of a STEP file, or those of the mesh of the
+// part that lie on the features of a QIF file. `part` is in the coordinates of the file.
+std::vector<FaceTriangles> FacesOf(const ImportedTolerances& imported, const TriangleMesh& part);
 
 // By the file's suffix: .stp, .step, .p21 or .qif, in any case. STEP is read by another program,
 // since OpenCASCADE is not to be part of this one. A file without tolerances is no error: the

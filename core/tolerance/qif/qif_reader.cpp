@@ -18,6 +18,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/strip.h"
 #include "core/text/number.h"
+#include "core/tolerance/qif/qif_features.h"
 #include "core/tolerance/qif/qif_units.h"
 #include "core/tolerance/qif/qif_xml.h"
 
@@ -131,6 +132,7 @@ class QifReader {
     report_.standard = "QIF 3.0";
     const QifElement* features = root_.Child("Features");
     const QifElement* characteristics = root_.Child("Characteristics");
+    Index(features, "FeatureDefinitions", feature_definitions_);
     Index(features, "FeatureNominals", feature_nominals_);
     Index(features, "FeatureItems", feature_items_);
     Index(&root_, "DatumDefinitions", datum_definitions_);
@@ -240,6 +242,35 @@ class QifReader {
     return text + ")";
   }
 
+  // Numbers of the nominal faces of a feature; they are read when it is bound for the first time.
+  const std::vector<int>& FacesOf(const QifElement& nominal) {
+    const auto [entry, fresh] = faces_of_.try_emplace(Id(nominal));
+    if (!fresh) return entry->second;
+    const std::string& id = nominal.ChildText("FeatureDefinitionId");
+    if (id.empty()) return entry->second;
+    const QifElement& definition =
+        Follow(feature_definitions_, nominal, id, "feature definition");
+    auto faces = FacesOfQifFeature(nominal, definition, units_);
+    if (!faces.ok()) {
+      throw Broken{absl::InvalidArgumentError(absl::StrCat(file_, ":", faces.status().message()))};
+    }
+    for (NominalFace& face : *faces) {
+      face.face = static_cast<int>(report_.nominal_faces.size()) + 1;
+      face.feature = FeatureText(nominal);
+      entry->second.push_back(face.face);
+      report_.nominal_faces.push_back(std::move(face));
+    }
+    return entry->second;
+  }
+
+  // Adds a feature in words, and its faces.
+  void Bind(const QifElement& nominal, std::vector<std::string>* features,
+            std::vector<int>* faces) {
+    features->push_back(FeatureText(nominal));
+    const std::vector<int>& of = FacesOf(nominal);
+    faces->insert(faces->end(), of.begin(), of.end());
+  }
+
   void ReadDatums() {
     for (const QifElement* item : order_[&feature_items_]) {
       const std::string& nominal = item->ChildText("FeatureNominalId");
@@ -256,14 +287,14 @@ class QifReader {
       datum.id = Id(*definition);
       datum.letter = label;
       for (const std::string& id : Ids(*definition, "FeatureNominalIds")) {
-        datum.features.push_back(
-            FeatureText(Follow(feature_nominals_, *definition, id, "feature nominal")));
+        Bind(Follow(feature_nominals_, *definition, id, "feature nominal"), &datum.features,
+             &datum.faces);
       }
       for (const std::string& id : Ids(*definition, "FeatureItemIds")) {
         const QifElement& item = Follow(feature_items_, *definition, id, "feature item");
         const std::string& nominal = item.ChildText("FeatureNominalId");
-        datum.features.push_back(
-            FeatureText(Follow(feature_nominals_, item, nominal, "feature nominal")));
+        Bind(Follow(feature_nominals_, item, nominal, "feature nominal"), &datum.features,
+             &datum.faces);
       }
       report_.datums.push_back(std::move(datum));
     }
@@ -374,7 +405,7 @@ class QifReader {
     std::set<std::string> features;
     for (const std::string& id : Ids(nominal, "FeatureNominalIds")) {
       const QifElement& feature = Follow(feature_nominals_, nominal, id, "feature nominal");
-      if (features.insert(id).second) tolerance.features.push_back(FeatureText(feature));
+      if (features.insert(id).second) Bind(feature, &tolerance.features, &tolerance.faces);
     }
     for (const QifElement* item : items) {
       if (tolerance.name.empty()) tolerance.name = NameOf(*item);
@@ -383,7 +414,9 @@ class QifReader {
         const QifElement& feature_item = Follow(feature_items_, *item, id, "feature item");
         const std::string& of = feature_item.ChildText("FeatureNominalId");
         const QifElement& feature = Follow(feature_nominals_, feature_item, of, "feature nominal");
-        if (features.insert(Id(feature)).second) tolerance.features.push_back(FeatureText(feature));
+        if (features.insert(Id(feature)).second) {
+          Bind(feature, &tolerance.features, &tolerance.faces);
+        }
       }
     }
     if (!absl::EndsWith(definition.name, kDefinition)) {
@@ -529,10 +562,11 @@ class QifReader {
   QifUnits units_;
   ToleranceReport report_;
   std::set<std::string> ids_;
-  Elements feature_nominals_, feature_items_, datum_definitions_, datum_targets_, frames_,
+  Elements feature_definitions_, feature_nominals_, feature_items_, datum_definitions_, datum_targets_, frames_,
       definitions_, nominals_, items_;
   std::map<const Elements*, std::vector<const QifElement*>> order_;  // as in the file
   std::map<std::string, std::string> feature_names_;                 // of a nominal, by its item
+  std::map<std::string, std::vector<int>> faces_of_;                 // of a nominal
   mutable size_t work_ = 0;                                          // of kMostWork
 };
 
@@ -553,7 +587,7 @@ absl::StatusOr<ToleranceReport> ReadQif(const std::string& file, const std::stri
             : "validated against the QIF schema in " + schema_folder);
     if (report.entity_count > 0) {
       report.notes.emplace_back(
-          "QIF's features are not faces of a STEP file: say by hand which region each binds");
+          "features are bound to the surface of the part by their nominal geometry, within 10 um");
     }
     return report;
   } catch (const Broken& broken) {

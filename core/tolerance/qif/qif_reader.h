@@ -12,8 +12,8 @@ namespace sightline {
 // Reads characteristics with their definitions, datums and features. One tolerance per
 // characteristic nominal; those of a kind or form that cannot be read, definitions that nothing
 // uses, and datum targets are listed with the reason. `features` names the features bound and the
-// ids of their faces in the QIF file ("cylinder Hole 3 (feature 17, entities 561, 566)"); QIF's
-// faces are not those of a STEP file, so `faces` stays empty.
+// ids of their faces in the QIF file ("cylinder Hole 3 (feature 17, entities 561, 566)"); `faces`
+// are numbers of `nominal_faces`, by which a mesh of the part is bound (FacesOnMesh).
 //
 // `schema_folder`: the QIF 3.0 schema to validate against, which the DMSC gives out; empty: only
 // what is read is checked, and a note says so. `length_unit`: the unit of lengths for which the

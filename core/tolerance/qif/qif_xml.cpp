@@ -41,6 +41,7 @@ constexpr size_t kMaxElements = 4'000'000;
 constexpr size_t kMaxDepth = 100;
 // Names and numbers are short; polylines of features are not needed.
 constexpr size_t kMaxTextBytes = 4096;
+constexpr size_t kMaxOutlineBytes = 4 << 20;  // boundary of a plane
 
 std::string Utf8(const XMLCh* text) {
   if (text == nullptr) return {};
@@ -100,11 +101,12 @@ class Handler final : public xc::DefaultHandler, public xc::XMLEntityResolver {
   void characters(const XMLCh* const text, const XMLSize_t length) override {
     if (open_.size() != depth_ || open_.empty()) return;
     std::string& own = open_.back().text;
-    if (own.size() >= kMaxTextBytes) return;
-    const std::u16string piece(text, std::min<XMLSize_t>(length, kMaxTextBytes));
+    const size_t most = open_.back().name == "PolyLine" ? kMaxOutlineBytes : kMaxTextBytes;
+    if (own.size() >= most) return;
+    const std::u16string piece(text, std::min<XMLSize_t>(length, most));
     own += Utf8(piece.c_str());
     // Never inside a character.
-    size_t end = std::min(own.size(), kMaxTextBytes);
+    size_t end = std::min(own.size(), most);
     while (end > 0 && end < own.size() && (static_cast<unsigned char>(own[end]) & 0xc0) == 0x80) {
       --end;
     }

@@ -401,7 +401,8 @@ absl::Status CheckOptions(const NewInspectionOptions& options) {
   return errors.Status();
 }
 
-absl::Status TakeTolerances(const NewInspectionOptions& options, DraftRequest* request) {
+absl::Status TakeTolerances(const NewInspectionOptions& options, const TriangleMesh& part,
+                            DraftRequest* request) {
   const std::string file = options.tolerances == "part" || options.tolerances.empty()
                                ? options.part
                                : options.tolerances;
@@ -427,7 +428,8 @@ absl::Status TakeTolerances(const NewInspectionOptions& options, DraftRequest* r
   }
   request->tolerance_file = FromFolderOf(options.out, file);
   request->tolerance_unit = options.tolerances_unit;
-  request->toleranced_surfaces = TolerancedSurfacesOf(imported->report, imported->faces);
+  request->toleranced_surfaces =
+      TolerancedSurfacesOf(imported->report, FacesOf(*imported, part));
   return absl::OkStatus();
 }
 
@@ -472,7 +474,7 @@ absl::StatusOr<DraftRequest> MakeRequest(const NewInspectionOptions& options) {
   request.tolerance_m = scaled(options.tolerance_mm, 1e-3);
   if (options.goal) request.goal = *options.goal;
   if (absl::Status s = TakeDevices(options, &request); !s.ok()) return s;
-  if (absl::Status s = TakeTolerances(options, &request); !s.ok()) return s;
+  if (absl::Status s = TakeTolerances(options, *part, &request); !s.ok()) return s;
   return request;
 }
 

@@ -135,8 +135,8 @@ absl::StatusOr<std::optional<Requirements>> ReadRequirements(const Inspection& i
     options.length_unit = inspection.tolerances->file_unit;
     auto read = ImportTolerances(file, options);
     if (!read.ok()) return read.status();
+    faces = FacesOf(*read, part);
     report = std::move(read->report);
-    faces = std::move(read->faces);
   }
   auto requirements = MakeRequirements(inspection, part, report, faces);
   if (!requirements.ok()) return requirements.status();
