@@ -28,11 +28,11 @@
 namespace sightline {
 namespace {
 
-// "12, 13" or, of many, "12, 13, ... (30)"; features in words where there are no faces.
+// "faces 12, 13" or, of many, "faces 12, 13, ... (30)"; features in words if there are any.
 std::string BoundText(const std::vector<int>& faces, const std::vector<std::string>& features) {
   constexpr size_t kMost = 8;
   if (faces.empty() && features.empty()) return "no face";
-  if (faces.empty()) {
+  if (!features.empty()) {
     const size_t shown = std::min(features.size(), kMost);
     const std::string more =
         features.size() > shown ? absl::StrCat(", ... (", features.size(), ")") : "";
