@@ -235,12 +235,21 @@ absl::StatusOr<v1::AcceptanceResult> RunAcceptance(const AcceptanceTask& task,
   }
 
   const ByIncidence bins = Binned(lines);
-  UncertaintyModel model = task.inspection.uncertainty.value_or(UncertaintyModel());
+  UncertaintyModel model;
+  if (task.inspection.uncertainty) {
+    model = *task.inspection.uncertainty;
+  } else if (task.inspection.defaults != DefaultsVersion::k0_1) {
+    model.calibration = CalibrationOnSite();
+    model.calibration_assumed = true;
+  }
   if (!task.detection_stated && !bins.empty()) model.detection = NoiseOf(bins);
   if (!model.HasCalibrationErrors()) {
     result.add_warnings(
-        "uncertainty.calibration is not stated: errors of the calibration are taken as zero, sizes "
-        "and distances come out too good");
+        "uncertainty.calibration has no errors: sizes and distances come out too good");
+  } else if (model.calibration_assumed) {
+    result.add_warnings(
+        "uncertainty.calibration is not stated: a rig calibrated on site is assumed, with 0.002 "
+        "degrees and 0.02 mm for camera and laser");
   }
   for (const Artefact& artefact : choice->artefacts) {
     const Test test{&artefact, ScanArtefact(rig, geometry, artefact, limits)};

@@ -125,6 +125,34 @@ TEST(UncertaintyGoal, NeedsAModelAndTolerances) {
   EXPECT_EQ(stated->rig.scan_step_m, 0.001);
 }
 
+TEST(UncertaintyGoal, CalibrationAndRegistrationHaveDefaults) {
+  const auto whole = [](const std::string& uncertainty, const std::string& more = "") {
+    const auto inspection = ParseWhole(R"("uncertainty": )" + uncertainty + more);
+    EXPECT_TRUE(inspection.ok()) << inspection.status();
+    return inspection.ok() ? *inspection->uncertainty : UncertaintyModel();
+  };
+  const UncertaintyModel assumed = whole("{}");
+  EXPECT_TRUE(assumed.calibration_assumed);
+  EXPECT_TRUE(assumed.calibration.isApprox(CalibrationOnSite()));
+  EXPECT_EQ(assumed.registration, RegistrationMethod::kBestFit);
+  const UncertaintyModel none = whole(R"({"calibration": {}, "registration": "NONE"})");
+  EXPECT_FALSE(none.calibration_assumed);
+  EXPECT_FALSE(none.HasCalibrationErrors());
+  EXPECT_EQ(none.registration, RegistrationMethod::kNone);
+  const UncertaintyModel older = whole("{}", R"(, "defaults": "0.1")");
+  EXPECT_FALSE(older.HasCalibrationErrors());
+  EXPECT_EQ(older.registration, RegistrationMethod::kNone);
+  const UncertaintyModel known = whole(
+      R"({"registration": "KNOWN_POSES", "registration_position_m": 1e-5,
+          "registration_angle_deg": 0.01})");
+  EXPECT_EQ(known.registration_position_m, 1e-5);
+  EXPECT_NEAR(known.registration_angle_rad, 0.01 * std::numbers::pi / 180, 1e-15);
+  EXPECT_THAT(
+      std::string(
+          ParseWhole(R"("uncertainty": {"registration_angle_deg": 1})").status().message()),
+      HasSubstr("uncertainty.registration_angle_deg needs uncertainty.registration KNOWN_POSES"));
+}
+
 TEST(UncertaintyGoal, TolerancesAreChecked) {
   const auto expect = [](const std::string& tolerances, const std::string& text) {
     const auto inspection = ParseWhole(R"("uncertainty": {}, "tolerances": )" + tolerances);

@@ -30,7 +30,8 @@ constexpr char kOtherPartInspection[] = R"({
 constexpr char kOtherPartToleranced[] = R"({
   "name": "box", "part": {"file": "box.obj", "unit": "mm"},
   "rig": {"part_holding": "PART_HOLDING_FREE"},
-  "uncertainty": {"line_detection": {"standard_deviation_px": 0.1}},
+  "uncertainty": {"line_detection": {"standard_deviation_px": 0.1}, "calibration": {},
+    "registration": "NONE"},
   "tolerances": {"zone_width_m": 0.0004}
 })";
 

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_replace.h"
 #include "core/inspection/inspection.h"
 #include "core/part/load_part.h"
 #include "core/rig/scan_geometry.h"
@@ -29,7 +30,8 @@ using ::testing::HasSubstr;
 constexpr char kInspection[] = R"({
   "name": "box", "part": {"file": "box.obj", "unit": "mm"},
   "rig": {"part_holding": "PART_HOLDING_FREE"},
-  "uncertainty": {"line_detection": {"standard_deviation_px": 0.1}},
+  "uncertainty": {"line_detection": {"standard_deviation_px": 0.1}, "calibration": {},
+    "registration": "NONE"},
   "tolerances": {"regions": [{"name": "top", "zone_width_m": 0.0002,
     "min_m": {"x": -1, "y": -1, "z": 0.0199}, "max_m": {"x": 1, "y": 1, "z": 1}}]},
   "targets": {"spacing_m": 0.002},
@@ -61,6 +63,47 @@ class PlanProcessTest : public BoxProcessTest {
     return angles_deg;
   }
 };
+
+TEST_F(PlanProcessTest, SetUpsAreJoinedAndTheirErrorsCount) {
+  const std::string exact = Bytes("inspection.json");
+  const std::string options =
+      " --evaluations-per-scan 300 --bound-evaluations 0 --no-pictures --field-directions 576";
+  ASSERT_EQ(Run("plan inspection.json --out exact" + options).first, 0);
+  const v1::Plan plan = Read<v1::Plan>("exact/plan.json");
+  EXPECT_THAT(plan.uncertainty().registration(), HasSubstr("taken as exact"));
+  EXPECT_THAT(plan.uncertainty().calibration(), HasSubstr("not counted"));
+  const auto evaluate = [&](const std::string& registration) {
+    Write("joined.json", absl::StrReplaceAll(exact, {{R"("registration": "NONE")", registration}}));
+    const auto [code, output] = Run("evaluate joined.json exact/plan.json --out joined");
+    EXPECT_EQ(code, 0) << output;
+    return Read<v1::Plan>("joined/plan.json");
+  };
+  const v1::Plan known = evaluate(
+      R"("registration": "KNOWN_POSES", "registration_position_m": 3e-5, "registration_angle_deg": 0)");
+  const v1::FeatureVerdict& before = plan.uncertainty().features(0);
+  const v1::FeatureVerdict& after = known.uncertainty().features(0);
+  EXPECT_EQ(before.registration_m(), 0);
+  EXPECT_GT(after.registration_m(), 1e-5);
+  EXPECT_NEAR(std::hypot(std::hypot(after.noise_m(), after.sampling_m()), after.calibration_m(),
+                         after.registration_m()),
+              after.uncertainty_m(), 1e-9);
+  EXPECT_LT(known.uncertainty().admissible_fraction(), plan.uncertainty().admissible_fraction());
+  for (const v1::Setup& setup : known.setups()) {
+    EXPECT_NEAR(setup.registration().standard_uncertainty_m(), 3e-5, 1e-9);
+  }
+  // The box is placed by hand to 2 mm; what its set-ups share joins them far better.
+  const v1::Plan joined = evaluate(R"("registration": "BEST_FIT")");
+  EXPECT_THAT(joined.uncertainty().registration(), HasSubstr("by best fit"));
+  for (const v1::Setup& setup : joined.setups()) {
+    EXPECT_LT(setup.registration().standard_uncertainty_m(), 2e-3);
+  }
+  Write("wrong.json", absl::StrReplaceAll(exact, {{R"("NONE")", R"("KNOWN_POSES")"}}));
+  const auto [code, output] = Run("plan wrong.json --out wrong");
+  EXPECT_EQ(code, 2);
+  EXPECT_THAT(output, HasSubstr("uncertainty.registration_position_m is missing"));
+  Write("wrong.json", absl::StrReplaceAll(exact, {{R"("NONE")", R"("DATUM_FEATURES")"}}));
+  EXPECT_THAT(Run("plan wrong.json --out wrong").second, HasSubstr("name no datum with a face"));
+}
 
 TEST_F(PlanProcessTest, PlansForATolerancedTopAndProvesIt) {
   const std::string options =

@@ -88,7 +88,8 @@ TEST_F(RobotProcessTest, ComparesGainsWithinReach) {
   Write("uncertain.json",
         absl::StrReplaceAll(kRobotInspection, {{R"("goal": {"coverage": 0.7, "max_scans": 4})",
                                                 R"("goal": {"admissible": 0.3, "max_scans": 3},
-  "uncertainty": {"line_detection": {"standard_deviation_px": 0.1}},
+  "uncertainty": {"line_detection": {"standard_deviation_px": 0.1}, "calibration": {},
+    "registration": "NONE"},
   "tolerances": {"regions": [{"name": "top", "zone_width_m": 0.0002,
     "min_m": {"x": -1, "y": -1, "z": 0.0199}, "max_m": {"x": 1, "y": 1, "z": 1}}]})"}}));
   const auto [code, output] = Run(
