@@ -169,7 +169,8 @@ void SharedErrors::Register() {
         static_cast<Index>(place_count_) * place_root_.cols() + lens_root_.cols();
     MatrixXd normal = MatrixXd::Zero(unknowns, unknowns);    // N
     MatrixXd pull = MatrixXd::Zero(unknowns, columns);       // B
-    MatrixXd motion = MatrixXd::Zero(6, unknowns);           // sum w a'a of each frame
+    MatrixXd moved = MatrixXd::Zero(6, columns);             // sum l a' e of the calibration
+    MatrixXd motion = MatrixXd::Zero(6, unknowns);           // sum l a'a of each frame
     const std::vector<double> neighbours = NeighbourCounts();
     struct InFrame {
       Index frame;
@@ -197,9 +198,10 @@ void SharedErrors::Register() {
       const Eigen::Matrix<double, 6, 6> outer = a.transpose() * a;
       const double information = 1 / (input_.independent_m2[t] * neighbours[t]);
       for (const InFrame& f : seen) motion.middleCols<6>(6 * f.frame) += information * f.weight * outer;
-      if (seen.size() == 1) continue;
       RowVectorXd mean = RowVectorXd::Zero(columns);
       for (const InFrame& f : seen) mean += f.weight * f.calibration;
+      moved += information * a.transpose() * mean;
+      if (seen.size() == 1) continue;
       for (const InFrame& f : seen) {
         ++frames_[static_cast<size_t>(f.frame)].overlap_targets;
         for (const InFrame& other : seen) {
@@ -219,11 +221,16 @@ void SharedErrors::Register() {
     // Takes off the common motion: the identity less (sum of the frames' K)^-1 K in every frame.
     MatrixXd total = MatrixXd::Zero(6, 6);
     for (Index f = 0; f < unknowns / 6; ++f) total += motion.middleCols<6>(6 * f);
-    const MatrixXd common = total.completeOrthogonalDecomposition().solve(motion);
+    const Eigen::CompleteOrthogonalDecomposition<MatrixXd> fit(total);
+    const MatrixXd common = fit.solve(motion);
     MatrixXd relative = identity;
     for (Index f = 0; f < unknowns / 6; ++f) relative.middleRows<6>(6 * f) -= common;
     covariance = relative * posterior * relative.transpose();
-    if (columns > 0) response_ = -relative * (posterior * pull);
+    if (columns > 0) {
+      response_ = -relative * (posterior * pull);
+      const MatrixXd of_calibration = fit.solve(moved);
+      for (Index f = 0; f < unknowns / 6; ++f) response_.middleRows<6>(6 * f) -= of_calibration;
+    }
   }
   pose_root_ = RootOf(covariance);
 

@@ -17,10 +17,10 @@
 //   N_gh = sum over t of a_t' (lambda_tg delta_gh - lambda_tg lambda_th / sum_k lambda_tk) a_t.
 // The errors that are left are xi - xi^ = -C B c + C^(1/2) z with C = (N + P^-1)^-1: z is standard
 // normal, and B the same sums with J in the place of the second a_t, since errors of the calibration
-// pull the fit. A motion common to all frames cannot be seen and is not an error of registration:
-// the coordinate system is the best fit of the joined scans to the model, so the motion
-//   (sum w a'a)^-1 sum over t, g of w_tg a_t' a_t xi_g
-// is taken off every xi_g. (Registration of multiple views: Bergevin et al., IEEE PAMI 18(5), 1996;
+// pull the fit. The coordinate system is the best fit of the joined scans to the model, so that a
+// motion of all frames together is no error: with e_t the shared error of the estimate at target t,
+// the motion (sum over t of l_t a_t' a_t)^-1 sum over t of l_t a_t' e_t, l_t the information of the
+// target, is taken off every xi_g. (Registration of multiple views: Bergevin et al., IEEE PAMI 18(5), 1996;
 // covariance of a fit: Censi, An accurate closed-form estimate of ICP's covariance, ICRA 2007.)
 #pragma once
 

@@ -113,7 +113,8 @@ std::string RegistrationStatement(const Inspection& inspection, const SharedErro
   }
   const std::vector<FrameRegistration>& frames = errors.frames();
   if (frames.size() < 2 && method != RegistrationMethod::kKnownPoses) {
-    return "All scans are made without touching part or sensors: nothing has to be joined.";
+    return "All scans are made without touching part or sensors: nothing has to be joined, and all "
+           "are fitted to the model together.";
   }
   double least_m = std::numeric_limits<double>::infinity(), largest_m = 0;
   int undetermined = 0;
