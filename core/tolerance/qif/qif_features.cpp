@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/strings/match.h"
@@ -32,23 +33,13 @@ struct Wrong {
       absl::StrCat(element.line, ": <", element.name, ">: ", why))};
 }
 
-class FeatureReader {
+constexpr size_t kMostOutlinePoints = 100'000;
+
+// Reads parts of geometry.
+class GeometryReader {
  public:
-  FeatureReader(const QifElement& nominal, const QifElement& definition, const QifUnits& units)
-      : nominal_(nominal), definition_(definition), units_(units) {}
+  explicit GeometryReader(const QifUnits& units) : units_(units) {}
 
-  std::vector<NominalFace> Read() const {
-    const std::string kind(absl::StripSuffix(nominal_.name, "FeatureNominal"));
-    if (kind == "Plane") return {Plane()};
-    if (kind == "Cylinder" || kind == "CylindricalSegment") return {Cylinder()};
-    if (kind == "Cone" || kind == "ConicalSegment") return {Cone()};
-    if (kind == "Sphere" || kind == "SphericalSegment") return {Sphere()};
-    if (kind == "Torus" || kind == "ToroidalSegment") return {Torus()};
-    if (kind == "OppositeParallelPlanes") return Width();
-    return {};
-  }
-
- private:
   static const QifElement& Needed(const QifElement& parent, const char* name) {
     const QifElement* child = parent.Child(name);
     if (child == nullptr) throw NotStated{};
@@ -67,18 +58,28 @@ class FeatureReader {
     return *scale;
   }
 
-  // Three numbers for each of `count` points.
-  static std::vector<Vector3d> Vectors(const QifElement& element, size_t count) {
+  // `count` numbers of a text.
+  static std::vector<double> Numbers(const QifElement& element, const std::string& text,
+                                     size_t count) {
     const std::vector<absl::string_view> words =
-        absl::StrSplit(element.text, absl::ByAnyChar(" \t\r\n"), absl::SkipEmpty());
-    if (words.size() != 3 * count) {
-      Refuse(element, absl::StrCat("has ", words.size(), " numbers, must have ", 3 * count));
+        absl::StrSplit(text, absl::ByAnyChar(" \t\r\n"), absl::SkipEmpty());
+    if (words.size() != count) {
+      Refuse(element, absl::StrCat("has ", words.size(), " numbers, must have ", count));
     }
-    std::vector<Vector3d> vectors(count);
-    for (size_t i = 0; i < words.size(); ++i) {
-      const auto value = ParseReal(std::string(words[i]));
+    std::vector<double> numbers;
+    for (const absl::string_view word : words) {
+      const auto value = ParseReal(std::string(word));
       if (!value.ok()) Refuse(element, std::string(value.status().message()));
-      vectors[i / 3][static_cast<Eigen::Index>(i % 3)] = *value;
+      numbers.push_back(*value);
+    }
+    return numbers;
+  }
+
+  static std::vector<Vector3d> Vectors(const QifElement& element, size_t count) {
+    const std::vector<double> numbers = Numbers(element, element.text, 3 * count);
+    std::vector<Vector3d> vectors(count);
+    for (size_t i = 0; i < count; ++i) {
+      vectors[i] = Vector3d(numbers[3 * i], numbers[3 * i + 1], numbers[3 * i + 2]);
     }
     return vectors;
   }
@@ -94,6 +95,33 @@ class FeatureReader {
     return direction / length;
   }
 
+  static void AddSlab(NominalFace& face, const Vector3d& direction, const Vector3d& point_m,
+                      double lower_m, double upper_m) {
+    const double at_m = direction.dot(point_m);
+    face.slabs.push_back({direction, at_m + lower_m, at_m + upper_m});
+  }
+
+ private:
+  const QifUnits& units_;
+};
+
+class FeatureReader : private GeometryReader {
+ public:
+  FeatureReader(const QifElement& nominal, const QifElement& definition, const QifUnits& units)
+      : GeometryReader(units), nominal_(nominal), definition_(definition) {}
+
+  std::vector<NominalFace> Read() const {
+    const std::string kind(absl::StripSuffix(nominal_.name, "FeatureNominal"));
+    if (kind == "Plane") return {Plane()};
+    if (kind == "Cylinder" || kind == "CylindricalSegment") return {Cylinder()};
+    if (kind == "Cone" || kind == "ConicalSegment") return {Cone()};
+    if (kind == "Sphere" || kind == "SphericalSegment") return {Sphere()};
+    if (kind == "Torus" || kind == "ToroidalSegment") return {Torus()};
+    if (kind == "OppositeParallelPlanes") return Width();
+    return {};
+  }
+
+ private:
   // Normals of holes and slots point against the gradient of the distance.
   int Side() const {
     const std::string& side = definition_.ChildText("InternalExternal");
@@ -131,7 +159,8 @@ class FeatureReader {
     face.side = Side();
     if (const QifElement* length = definition_.Child("Length")) {
       // The axis point may be at either end or in the middle.
-      AddSlab(face, face.surface.axis, face.surface.point_m, Number(*length));
+      const double length_m = Number(*length);
+      AddSlab(face, face.surface.axis, face.surface.point_m, -length_m, length_m);
     }
     return face;
   }
@@ -194,10 +223,12 @@ class FeatureReader {
       if (const QifElement* along = nominal_.Child("LengthVector")) {
         const Vector3d length = Direction(*along), depth = normal.cross(length);
         if (const QifElement* l = definition_.Child("Length")) {
-          AddSlab(face, length, point, 0.5 * Number(*l));
+          const double half_length_m = 0.5 * Number(*l);
+          AddSlab(face, length, point, -half_length_m, half_length_m);
         }
         if (const QifElement* d = definition_.Child("Depth"); d != nullptr && depth.norm() > 0.5) {
-          AddSlab(face, depth.normalized(), point, 0.5 * Number(*d));
+          const double half_depth_m = 0.5 * Number(*d);
+          AddSlab(face, depth.normalized(), point, -half_depth_m, half_depth_m);
         }
       }
       faces.push_back(std::move(face));
@@ -205,31 +236,117 @@ class FeatureReader {
     return faces;
   }
 
-  static void AddSlab(NominalFace& face, const Vector3d& direction, const Vector3d& point_m,
-                      double reach_m) {
-    const double middle_m = direction.dot(point_m);
-    face.slabs.push_back({direction, middle_m - reach_m, middle_m + reach_m});
-  }
-
-  static constexpr size_t kMostOutlinePoints = 100'000;
-
   const QifElement& nominal_;
   const QifElement& definition_;
-  const QifUnits& units_;
 };
 
-}  // namespace
+class SurfaceReader : private GeometryReader {
+ public:
+  SurfaceReader(const QifElement& surface, const QifUnits& units)
+      : GeometryReader(units), surface_(surface) {}
 
-absl::StatusOr<std::vector<NominalFace>> FacesOfQifFeature(const QifElement& nominal,
-                                                           const QifElement& definition,
-                                                           const QifUnits& units) {
+  std::vector<NominalFace> Read() const {
+    const std::string& kind = surface_.name;
+    if (kind == "Plane23") return {Plane(Needed(surface_, "Plane23Core"))};
+    if (kind == "Cylinder23") return {Cylinder(Needed(surface_, "Cylinder23Core"))};
+    if (kind == "Cone23") return {Cone(Needed(surface_, "Cone23Core"))};
+    if (kind == "Sphere23") return {Sphere(Needed(surface_, "Sphere23Core"))};
+    if (kind == "Torus23") return {Torus(Needed(surface_, "Torus23Core"))};
+    return {};
+  }
+
+ private:
+  // Which side the material is on depends on the loops of the faces: either counts.
+  NominalFace Plane(const QifElement& core) const {
+    NominalFace face;
+    face.surface.kind = SurfaceKind::kPlane;
+    face.surface.point_m = Point(Needed(core, "Origin"));
+    const QifElement &along_u = Needed(core, "DirU"), &along_v = Needed(core, "DirV");
+    const double scale = Scale(Needed(core, "Origin"));
+    const Vector3d normal = Direction(along_u).cross(Direction(along_v));
+    if (!(normal.norm() > 0.9)) Refuse(core, "DirU and DirV must be perpendicular");
+    face.surface.axis = normal.normalized();
+    for (const auto& [name, direction] :
+         {std::pair{"domainU", &along_u}, std::pair{"domainV", &along_v}}) {
+      const auto domain = core.attributes.find(name);
+      if (domain == core.attributes.end()) throw NotStated{};
+      const std::vector<double> ends = Numbers(core, domain->second, 2);
+      AddSlab(face, Direction(*direction), face.surface.point_m, scale * ends[0],
+              scale * ends[1]);
+    }
+    return face;
+  }
+
+  NominalFace Cylinder(const QifElement& core) const {
+    NominalFace face = OnAxis(core, SurfaceKind::kCylinder);
+    face.surface.radius_m = 0.5 * Number(Needed(core, "Diameter"));
+    AddSlab(face, face.surface.axis, face.surface.point_m, 0, Number(Needed(core, "Length")));
+    return face;
+  }
+
+  NominalFace Cone(const QifElement& core) const {
+    NominalFace face = OnAxis(core, SurfaceKind::kCone);
+    const double length_m = Number(Needed(core, "Length"));
+    const double bottom_m = 0.5 * Number(Needed(core, "DiameterBottom"));
+    const double slope = (0.5 * Number(Needed(core, "DiameterTop")) - bottom_m) / length_m;
+    if (!std::isfinite(slope) || slope == 0) throw NotStated{};
+    AddSlab(face, face.surface.axis, face.surface.point_m, 0, length_m);
+    face.surface.point_m -= bottom_m / slope * face.surface.axis;
+    face.surface.half_angle_rad = std::atan(std::abs(slope));
+    if (slope < 0) face.surface.axis = -face.surface.axis;
+    return face;
+  }
+
+  NominalFace Sphere(const QifElement& core) const {
+    NominalFace face;
+    face.surface.kind = SurfaceKind::kSphere;
+    face.surface.point_m = Point(Needed(core, "Location"));
+    face.surface.radius_m = 0.5 * Number(Needed(core, "Diameter"));
+    return face;
+  }
+
+  NominalFace Torus(const QifElement& core) const {
+    NominalFace face = OnAxis(core, SurfaceKind::kTorus);
+    face.surface.radius_m = 0.5 * Number(Needed(core, "DiameterMajor"));
+    face.surface.tube_radius_m = 0.5 * Number(Needed(core, "DiameterMinor"));
+    return face;
+  }
+
+  NominalFace OnAxis(const QifElement& core, SurfaceKind kind) const {
+    const QifElement& axis = Needed(core, "Axis");
+    NominalFace face;
+    face.surface.kind = kind;
+    face.surface.point_m = Point(Needed(axis, "AxisPoint"));
+    face.surface.axis = Direction(Needed(axis, "Direction"));
+    return face;
+  }
+
+  const QifElement& surface_;
+};
+
+// What `reader` reads.
+template <typename Reader>
+absl::StatusOr<std::vector<NominalFace>> Faces(const Reader& reader) {
   try {
-    return FeatureReader(nominal, definition, units).Read();
+    return reader.Read();
   } catch (const NotStated&) {
     return std::vector<NominalFace>();
   } catch (const Wrong& wrong) {
     return wrong.status;
   }
+}
+
+}  // namespace
+
+absl::StatusOr<std::vector<NominalFace>> FaceOnQifSurface(const QifElement& surface,
+                                                          const QifUnits& units) {
+  return Faces(SurfaceReader(surface, units));
+}
+
+absl::StatusOr<std::vector<NominalFace>> FacesOfQifFeature(const QifElement& nominal,
+                                                           const QifElement& definition,
+                                                           const QifUnits& units) {
+  return Faces(FeatureReader(nominal, definition, units));
 }
 
 }  // namespace sightline

@@ -11,6 +11,11 @@
 
 namespace sightline {
 
+// The face that lies on a surface of the product (Geometry.xsd: Plane23, Cylinder23, Cone23,
+// Sphere23 or Torus23), without number and words. None and INVALID_ARGUMENT as below.
+absl::StatusOr<std::vector<NominalFace>> FaceOnQifSurface(const QifElement& surface,
+                                                          const QifUnits& units);
+
 // The faces of a feature, without numbers and words: one of planes, cylinders, cones, spheres and
 // tori and of segments of these, two of opposite parallel planes. None: the feature is of another
 // kind (lines, points, slots, ...), an element that its geometry needs is not stated, or its unit

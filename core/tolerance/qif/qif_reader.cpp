@@ -73,9 +73,9 @@ constexpr std::array<CharacteristicName, 18> kDimensional = {{
     {"AngularCoordinate", ToleranceKind::kAngularDistance, "angular coordinate"},
 }};
 
-constexpr std::array<const char*, 6> kKept = {
+constexpr std::array<const char*, 7> kKept = {
     "FileUnits", "DatumDefinitions", "DatumTargetDefinitions", "DatumReferenceFrames",
-    "Features",  "Characteristics"};
+    "Features",  "Characteristics",  "Product"};
 
 constexpr const char* kDefinition = "CharacteristicDefinition";
 
@@ -141,6 +141,7 @@ class QifReader {
     Index(characteristics, "CharacteristicDefinitions", definitions_);
     Index(characteristics, "CharacteristicNominals", nominals_);
     Index(characteristics, "CharacteristicItems", items_);
+    IndexProduct();
     ReadDatums();
     ReadCharacteristics();
     return std::move(report_);
@@ -174,6 +175,20 @@ class QifReader {
     if (n != list->attributes.end() && (!absl::SimpleAtoi(n->second, &stated) || stated != count)) {
       Break(*list, absl::StrCat("attribute n is ", n->second, "; it has ", count, " elements"));
     }
+  }
+
+  // Surfaces and faces of the product, by id; later ones of the same id are not looked at.
+  void IndexProduct() {
+    const QifElement* product = root_.Child("Product");
+    if (product == nullptr) return;
+    const auto index = [&](const char* set, const char* list, Elements& elements) {
+      const QifElement* parent = product->Child(set);
+      const QifElement* found = parent == nullptr ? nullptr : parent->Child(list);
+      if (found == nullptr) return;
+      for (const QifElement& element : found->children) elements.emplace(Id(element), &element);
+    };
+    index("GeometrySet", "SurfaceSet", product_surfaces_);
+    index("TopologySet", "FaceSet", product_faces_);
   }
 
   const QifElement& Follow(const Elements& index, const QifElement& from, const std::string& id,
@@ -242,6 +257,34 @@ class QifReader {
     return text + ")";
   }
 
+  std::vector<NominalFace> Checked(absl::StatusOr<std::vector<NominalFace>> faces) const {
+    if (faces.ok()) return *std::move(faces);
+    throw Broken{absl::InvalidArgumentError(absl::StrCat(file_, ":", faces.status().message()))};
+  }
+
+  // The faces of the product that a feature names. None if the surface of one of them is not known.
+  std::vector<NominalFace> ProductFacesOf(const QifElement& nominal) const {
+    std::vector<NominalFace> all;
+    for (const std::string& id : Ids(nominal, "EntityInternalIds")) {
+      Count(nominal, 1);
+      const auto face = product_faces_.find(id);
+      if (face == product_faces_.end()) return {};
+      const QifElement* reference = face->second->Child("Surface");
+      if (reference == nullptr) return {};
+      const auto surface = product_surfaces_.find(reference->ChildText("Id"));
+      if (surface == product_surfaces_.end()) return {};
+      std::vector<NominalFace> found = Checked(FaceOnQifSurface(*surface->second, units_));
+      if (found.empty()) return {};
+      // Halves of a bore are one surface.
+      const bool known = std::any_of(all.begin(), all.end(), [&](const NominalFace& other) {
+        return other.surface.kind != SurfaceKind::kPlane &&
+               SameSurface(other.surface, found.front().surface);
+      });
+      if (!known) all.push_back(std::move(found.front()));
+    }
+    return all;
+  }
+
   // Numbers of the nominal faces of a feature; they are read when it is bound for the first time.
   const std::vector<int>& FacesOf(const QifElement& nominal) {
     const auto [entry, fresh] = faces_of_.try_emplace(Id(nominal));
@@ -250,11 +293,9 @@ class QifReader {
     if (id.empty()) return entry->second;
     const QifElement& definition =
         Follow(feature_definitions_, nominal, id, "feature definition");
-    auto faces = FacesOfQifFeature(nominal, definition, units_);
-    if (!faces.ok()) {
-      throw Broken{absl::InvalidArgumentError(absl::StrCat(file_, ":", faces.status().message()))};
-    }
-    for (NominalFace& face : *faces) {
+    std::vector<NominalFace> faces = Checked(FacesOfQifFeature(nominal, definition, units_));
+    if (faces.empty()) faces = ProductFacesOf(nominal);
+    for (NominalFace& face : faces) {
       face.face = static_cast<int>(report_.nominal_faces.size()) + 1;
       face.feature = FeatureText(nominal);
       entry->second.push_back(face.face);
@@ -562,6 +603,7 @@ class QifReader {
   QifUnits units_;
   ToleranceReport report_;
   std::set<std::string> ids_;
+  Elements product_surfaces_, product_faces_;
   Elements feature_definitions_, feature_nominals_, feature_items_, datum_definitions_, datum_targets_, frames_,
       definitions_, nominals_, items_;
   std::map<const Elements*, std::vector<const QifElement*>> order_;  // as in the file

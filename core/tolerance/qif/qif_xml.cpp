@@ -83,7 +83,7 @@ class Handler final : public xc::DefaultHandler, public xc::XMLEntityResolver {
     const bool keep =
         depth_ == 1 ||
         (depth_ == 2 && std::find(kept_.begin(), kept_.end(), Utf8(local_name)) != kept_.end()) ||
-        (depth_ > 2 && open_.size() + 1 == depth_);
+        (depth_ > 2 && open_.size() + 1 == depth_ && IsOfUse(Utf8(local_name)));
     if (!keep) return;
     if (++elements_ > kMaxElements) {
       Refuse(absl::StrCat("more than ", kMaxElements, " elements about tolerances"));
@@ -96,6 +96,13 @@ class Handler final : public xc::DefaultHandler, public xc::XMLEntityResolver {
     }
     if (depth_ == 1) CheckRoot(Utf8(uri), element);
     open_.push_back(std::move(element));
+  }
+
+  // Of a product only its surfaces and which of them each face lies on.
+  bool IsOfUse(const std::string& name) const {
+    if (open_[1].name != "Product") return true;
+    if (depth_ == 3) return name == "GeometrySet" || name == "TopologySet";
+    return depth_ != 4 || name == "SurfaceSet" || name == "FaceSet";
   }
 
   void characters(const XMLCh* const text, const XMLSize_t length) override {

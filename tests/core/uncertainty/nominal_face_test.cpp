@@ -73,8 +73,23 @@ constexpr const char* kQif = R"(<QIFDocument xmlns="http://qifstandards.org/xsd/
     <AngularUnit><SIUnitName>radian</SIUnitName><UnitName>degree</UnitName></AngularUnit>
     <LinearUnit><SIUnitName>meter</SIUnitName><UnitName>UNIT</UnitName></LinearUnit>
   </PrimaryUnits></FileUnits>
+  <Product><GeometrySet>
+      <PointSet><Point id="zzz"><XYZ>no numbers</XYZ></Point></PointSet>
+      <SurfaceSet><Plane23 id="101"><Plane23Core domainU="-5 5" domainV="-5 5">
+        <Origin>25 5 0</Origin><DirU>1 0 0</DirU><DirV>0 -1 0</DirV></Plane23Core></Plane23>
+        <Cylinder23 id="102"><Cylinder23Core><Diameter>10</Diameter><Length>20</Length>
+          <Axis><AxisPoint>200 0 0</AxisPoint><Direction>0 0 1</Direction></Axis>
+        </Cylinder23Core></Cylinder23>
+        <Nurbs23 id="103"/></SurfaceSet></GeometrySet>
+    <TopologySet><FaceSet>
+      <Face id="111"><Surface><Id>101</Id></Surface></Face>
+      <Face id="112"><Surface><Id>102</Id></Surface></Face>
+      <Face id="113"><Surface><Id>102</Id></Surface></Face>
+      <Face id="114"><Surface><Id>103</Id></Surface></Face>
+    </FaceSet></TopologySet></Product>
   <Features>
     <FeatureDefinitions>
+      <OtherNonShapeFeatureDefinition id="6"/>
       <PlaneFeatureDefinition id="1"/>
       <CylinderFeatureDefinition id="2"><InternalExternal>SIDE</InternalExternal>
         <Diameter>DIAMETER</Diameter><Length>20</Length></CylinderFeatureDefinition>
@@ -99,6 +114,12 @@ constexpr const char* kQif = R"(<QIFDocument xmlns="http://qifstandards.org/xsd/
         <CenterPlane><Point>410 5 5</Point><Normal>1 0 0</Normal></CenterPlane>
         <LengthVector>0 1 0</LengthVector></OppositeParallelPlanesFeatureNominal>
       <LineFeatureNominal id="15"><FeatureDefinitionId>5</FeatureDefinitionId></LineFeatureNominal>
+      <OtherNonShapeFeatureNominal id="16"><FeatureDefinitionId>6</FeatureDefinitionId>
+        <EntityInternalIds><Id>111</Id><Id>112</Id><Id>113</Id></EntityInternalIds>
+      </OtherNonShapeFeatureNominal>
+      <OtherNonShapeFeatureNominal id="17"><FeatureDefinitionId>6</FeatureDefinitionId>
+        <EntityInternalIds><Id>111</Id><Id>114</Id></EntityInternalIds>
+      </OtherNonShapeFeatureNominal>
     </FeatureNominals>
   </Features>
   <Characteristics>
@@ -109,6 +130,10 @@ constexpr const char* kQif = R"(<QIFDocument xmlns="http://qifstandards.org/xsd/
       <FlatnessCharacteristicNominal id="31"><CharacteristicDefinitionId>21</CharacteristicDefinitionId>
         <FeatureNominalIds><Id>11</Id><Id>12</Id><Id>13</Id><Id>14</Id><Id>15</Id></FeatureNominalIds>
       </FlatnessCharacteristicNominal>
+      <FlatnessCharacteristicNominal id="32"><CharacteristicDefinitionId>21</CharacteristicDefinitionId>
+        <FeatureNominalIds><Id>16</Id></FeatureNominalIds></FlatnessCharacteristicNominal>
+      <FlatnessCharacteristicNominal id="33"><CharacteristicDefinitionId>21</CharacteristicDefinitionId>
+        <FeatureNominalIds><Id>17</Id></FeatureNominalIds></FlatnessCharacteristicNominal>
     </CharacteristicNominals>
   </Characteristics>
 </QIFDocument>)";
@@ -131,8 +156,9 @@ class NominalFaceTest : public ::testing::Test {
   }
   // Numbers of triangles on every face, by its number; 0 where none lies on it.
   static std::vector<size_t> Triangles(const ToleranceReport& report) {
-    std::vector<size_t> counts(report.nominal_faces.size(), 0);
+    std::vector<size_t> counts(5, 0);
     for (const FaceTriangles& face : FacesOnMesh(report.nominal_faces, Mesh())) {
+      if (face.face > 5) continue;
       counts[static_cast<size_t>(face.face - 1)] = face.triangles.size();
     }
     return counts;
@@ -142,12 +168,31 @@ class NominalFaceTest : public ::testing::Test {
 TEST_F(NominalFaceTest, EveryFeatureFindsItsTriangles) {
   const auto report = Read();
   ASSERT_TRUE(report.ok()) << report.status();
-  ASSERT_EQ(report->read.size(), 1u);
+  ASSERT_EQ(report->read.size(), 3u);
   // A line has no face; a width has two.
   EXPECT_THAT(report->read[0].faces, ElementsAre(1, 2, 3, 4, 5));
   EXPECT_THAT(report->nominal_faces[1].feature, HasSubstr("cylinder (feature 12)"));
   // Of the two squares in one plane the one within the outline.
   EXPECT_THAT(Triangles(*report), ElementsAre(2, 2 * kFacets, 2 * kFacets, 2, 2));
+}
+
+TEST_F(NominalFaceTest, FacesOfTheProductStandForOtherFeatures) {
+  const auto report = Read();
+  ASSERT_TRUE(report.ok()) << report.status();
+  // Both halves of the boss are one surface.
+  EXPECT_THAT(report->read[1].faces, ElementsAre(6, 7));
+  size_t square = 0, boss = 0;
+  for (const FaceTriangles& face : FacesOnMesh(report->nominal_faces, Mesh())) {
+    if (face.face == 6) square = face.triangles.size();
+    if (face.face == 7) boss = face.triangles.size();
+    if (face.face == 6) {
+      EXPECT_GT(face.positions_m[0].x(), 0.015);
+    }
+  }
+  EXPECT_EQ(square, 2);
+  EXPECT_EQ(boss, 2 * kFacets);
+  // A feature is bound as a whole or not at all.
+  EXPECT_TRUE(report->read[2].faces.empty());
 }
 
 TEST_F(NominalFaceTest, SideSizeAndPlaceMustAgree) {
@@ -168,7 +213,7 @@ TEST_F(NominalFaceTest, NumbersThatAreNoneAreRefusedWithTheirLine) {
     const auto report = ReadText(text);
     return report.ok() ? "accepted" : std::string(report.status().message());
   };
-  EXPECT_THAT(error("0 0 -2", "0 0 0"), HasSubstr(":23: <Direction>: is no direction"));
+  EXPECT_THAT(error("0 0 -2", "0 0 0"), HasSubstr(":38: <Direction>: is no direction"));
   EXPECT_THAT(error("0 0 -2", "0 -2"), HasSubstr("<Direction>: has 2 numbers, must have 3"));
   EXPECT_THAT(error("0 0 -2", "0 x -2"), HasSubstr("<Direction>"));
   EXPECT_THAT(error("count=\"4\"", "count=\"5\""), HasSubstr("<PolyLine>: has 12 numbers"));
