@@ -52,9 +52,16 @@ absl::StatusOr<ImportedTolerances> ImportStep(const std::string& file,
 
 }  // namespace
 
-std::vector<FaceTriangles> FacesOf(const ImportedTolerances& imported, const TriangleMesh& part) {
-  if (imported.report.nominal_faces.empty()) return imported.faces;
-  return FacesOnMesh(imported.report.nominal_faces, part);
+absl::StatusOr<std::vector<FaceTriangles>> FacesOf(const ImportedTolerances& imported,
+                                                   const TriangleMesh& part) {
+  const ToleranceReport& report = imported.report;
+  if (report.nominal_faces.empty()) return imported.faces;
+  std::vector<FaceTriangles> faces = FacesOnMesh(report.nominal_faces, part);
+  if (!faces.empty()) return faces;
+  return absl::InvalidArgumentError(absl::StrCat(
+      report.file, ": no surface of the part lies on any of its ", report.nominal_faces.size(),
+      " faces of features, the first of them ", report.nominal_faces.front().feature,
+      ": part and file must have the same coordinates and describe the same part"));
 }
 
 absl::StatusOr<ImportedTolerances> ImportTolerances(const std::string& file,

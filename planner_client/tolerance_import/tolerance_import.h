@@ -35,7 +35,9 @@ struct ImportedTolerances {
 
 // The faces that the tolerances name, by number: those of a STEP file, or those of the mesh of the
 // part that lie on the features of a QIF file. `part` is in the coordinates of the file.
-std::vector<FaceTriangles> FacesOf(const ImportedTolerances& imported, const TriangleMesh& part);
+// INVALID_ARGUMENT: the QIF file describes features, and no surface of the part lies on any of them.
+absl::StatusOr<std::vector<FaceTriangles>> FacesOf(const ImportedTolerances& imported,
+                                                   const TriangleMesh& part);
 
 // By the file's suffix: .stp, .step, .p21 or .qif, in any case. STEP is read by another program,
 // since OpenCASCADE is not to be part of this one. A file without tolerances is no error: the

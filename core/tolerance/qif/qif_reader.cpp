@@ -125,7 +125,10 @@ struct Unreadable {
 class QifReader {
  public:
   QifReader(const QifElement& root, std::string file, QifUnits units)
-      : root_(root), file_(std::move(file)), units_(std::move(units)) {}
+      : root_(root),
+        file_(std::move(file)),
+        units_(std::move(units)),
+        geometry_units_(units_.ForGeometry()) {}
 
   ToleranceReport Read() {
     report_.file = std::filesystem::path(file_).filename().string();
@@ -273,7 +276,7 @@ class QifReader {
       if (reference == nullptr) return {};
       const auto surface = product_surfaces_.find(reference->ChildText("Id"));
       if (surface == product_surfaces_.end()) return {};
-      std::vector<NominalFace> found = Checked(FaceOnQifSurface(*surface->second, units_));
+      std::vector<NominalFace> found = Checked(FaceOnQifSurface(*surface->second, geometry_units_));
       if (found.empty()) return {};
       // Halves of a bore are one surface.
       const bool known = std::any_of(all.begin(), all.end(), [&](const NominalFace& other) {
@@ -293,7 +296,7 @@ class QifReader {
     if (id.empty()) return entry->second;
     const QifElement& definition =
         Follow(feature_definitions_, nominal, id, "feature definition");
-    std::vector<NominalFace> faces = Checked(FacesOfQifFeature(nominal, definition, units_));
+    std::vector<NominalFace> faces = Checked(FacesOfQifFeature(nominal, definition, geometry_units_));
     if (faces.empty()) faces = ProductFacesOf(nominal);
     for (NominalFace& face : faces) {
       face.face = static_cast<int>(report_.nominal_faces.size()) + 1;
@@ -600,7 +603,7 @@ class QifReader {
 
   const QifElement& root_;
   std::string file_;
-  QifUnits units_;
+  QifUnits units_, geometry_units_;
   ToleranceReport report_;
   std::set<std::string> ids_;
   Elements product_surfaces_, product_faces_;

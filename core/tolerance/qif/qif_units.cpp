@@ -201,9 +201,18 @@ absl::Status QifUnits::Add(const QifElement& unit, bool angle, bool primary) {
                                            " is another one in line ", entry->second.line));
   }
   if (!primary) return absl::OkStatus();
+  const bool pmi = absl::StartsWith(unit.name, "PMI");
+  if (!pmi) (angle ? geometry_angular_ : geometry_linear_) = read;
   auto& standard = angle ? primary_angular_ : primary_linear_;
-  if (!standard || absl::StartsWith(unit.name, "PMI")) standard = std::move(read);
+  if (!standard || pmi) standard = std::move(read);
   return absl::OkStatus();
+}
+
+QifUnits QifUnits::ForGeometry() const {
+  QifUnits units = *this;
+  if (geometry_linear_) units.primary_linear_ = geometry_linear_;
+  units.primary_angular_ = geometry_angular_.value_or(Unit{"radian", 0, 1.0});
+  return units;
 }
 
 absl::StatusOr<double> QifUnits::Scale(const QifElement& value, bool angle) const {

@@ -43,6 +43,10 @@ class QifUnits {
   // come before the others. INVALID_ARGUMENT names line and element.
   absl::StatusOr<double> Scale(const QifElement& value, bool angle) const;
 
+  // The units of features and of the product: units of the PMI do not count there, and angles
+  // without a unit of their own are radians.
+  QifUnits ForGeometry() const;
+
  private:
   struct Unit {
     std::string name;
@@ -57,6 +61,7 @@ class QifUnits {
   std::string file_;
   std::map<std::string, Unit> linear_, angular_;  // by UnitName
   std::optional<Unit> primary_linear_, primary_angular_;
+  std::optional<Unit> geometry_linear_, geometry_angular_;  // primary units that are not of the PMI
   std::optional<double> stated_length_;
 };
 

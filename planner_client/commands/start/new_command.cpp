@@ -428,8 +428,9 @@ absl::Status TakeTolerances(const NewInspectionOptions& options, const TriangleM
   }
   request->tolerance_file = FromFolderOf(options.out, file);
   request->tolerance_unit = options.tolerances_unit;
-  request->toleranced_surfaces =
-      TolerancedSurfacesOf(imported->report, FacesOf(*imported, part));
+  const auto faces = FacesOf(*imported, part);
+  if (!faces.ok()) return faces.status();
+  request->toleranced_surfaces = TolerancedSurfacesOf(imported->report, *faces);
   return absl::OkStatus();
 }
 

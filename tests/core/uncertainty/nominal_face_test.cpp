@@ -205,6 +205,18 @@ TEST_F(NominalFaceTest, SideSizeAndPlaceMustAgree) {
   EXPECT_THAT(Triangles(*Read("INTERNAL", "100", "10", "inch"))[1], 0);
 }
 
+TEST_F(NominalFaceTest, UnitsOfThePmiAreNotThoseOfGeometry) {
+  const std::string text = absl::StrReplaceAll(
+      kQif, {{"SIDE", "INTERNAL"}, {"PLACE", "100"}, {"DIAMETER", "10"}, {"UNIT", "mm"},
+             {"</PrimaryUnits>",
+              "<PMILinearUnit><SIUnitName>meter</SIUnitName><UnitName>inch</UnitName>"
+              "</PMILinearUnit></PrimaryUnits>"}});
+  const auto report = ReadText(text);
+  ASSERT_TRUE(report.ok()) << report.status();
+  EXPECT_NEAR(report->read[0].zone_width_m, 0.1 * 0.0254, 1e-12);
+  EXPECT_THAT(Triangles(*report), ElementsAre(2, 2 * kFacets, 2 * kFacets, 2, 2));
+}
+
 TEST_F(NominalFaceTest, NumbersThatAreNoneAreRefusedWithTheirLine) {
   const auto error = [&](const std::string& from, const std::string& to) {
     const std::string text = absl::StrReplaceAll(

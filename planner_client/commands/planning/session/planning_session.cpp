@@ -135,7 +135,9 @@ absl::StatusOr<std::optional<Requirements>> ReadRequirements(const Inspection& i
     options.length_unit = inspection.tolerances->file_unit;
     auto read = ImportTolerances(file, options);
     if (!read.ok()) return read.status();
-    faces = FacesOf(*read, part);
+    auto found = FacesOf(*read, part);
+    if (!found.ok()) return found.status();
+    faces = *std::move(found);
     report = std::move(read->report);
   }
   auto requirements = MakeRequirements(inspection, part, report, faces);
