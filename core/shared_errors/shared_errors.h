@@ -2,8 +2,7 @@
 // Errors that the estimates of many targets share: those of the calibration, common to all scans
 // from one place of the sensors, and those of the registration, common to all scans of one frame.
 //
-// A *frame* is a coordinate system that scans share because neither the part nor the sensors are
-// touched between them. Scan s of frame g from place p measures at target t, with unit normal n_t at
+// A *frame* is a coordinate system that scans share, such as those of one set-up. Scan s of frame g from place p measures at target t, with unit normal n_t at
 // x_t, the deviation from the model
 //   d_ts = h_t + J_ts (c_p + c_0) + a_t xi_g + e_ts,   a_t = ((x_t - c) x n_t, n_t),
 // h_t: deviation of the surface; J_ts: derivatives with respect to the calibration variables; c_p:

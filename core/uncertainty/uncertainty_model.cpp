@@ -196,12 +196,12 @@ absl::Status ParseRegistration(const v1::Uncertainty& message, const Checker& ch
 }  // namespace
 
 TriangulationCovariance CalibrationOnSite() {
-  return MakeTriangulationCovariance({.camera_rotation_rad = Radians(0.002),
-                                      .camera_position_m = 0.02e-3,
-                                      .laser_tilt_rad = Radians(0.002) * std::sqrt(0.5),
-                                      .laser_offset_m = 0.02e-3,
-                                      .focal_length_px = 0.5,
-                                      .principal_point_px = 0.2});
+  return MakeTriangulationCovariance({.camera_rotation_rad = Radians(0.001),
+                                      .camera_position_m = 0.01e-3,
+                                      .laser_tilt_rad = Radians(0.001) * std::sqrt(0.5),
+                                      .laser_offset_m = 0.01e-3,
+                                      .focal_length_px = 0.2,
+                                      .principal_point_px = 0.1});
 }
 
 double LineDetectionNoise::At(double distance_m, double incidence_angle_rad) const {

@@ -58,11 +58,11 @@ TriangulationCovariance DetectionCovariance(const UncertaintyModel& model, const
 absl::StatusOr<UncertaintyModel> ParseUncertainty(const v1::Uncertainty& message,
                                                   const std::string& context);
 // Calibration of a rig on site, by current defaults where none is stated: the variables of thesis
-// Table 3.1 with independent standard deviations of 0.002 degrees for camera and sheet, 0.02 mm for
-// their places, 0.5 px for the focal length and 0.2 px for the principal point. At 0.4 m and 30
-// degrees a point has a standard deviation of about 0.07 mm in depth. That is 0.02 % of the
-// distance; published line sensors state nonlinearities of 0.04 % of a range of 100 mm (Sensors
-// 18(2) 504, 2018). It is an assumption, not a measurement of anybody's rig.
+// Table 3.1 with independent standard deviations of 0.001 degrees for camera and sheet, 0.01 mm for
+// their places, 0.2 px for the focal length and 0.1 px for the principal point. At 0.4 m and 30
+// degrees a point has a standard deviation of about 0.04 mm in depth, 0.01 % of the distance; a
+// published line sensor has a nonlinearity of 0.04 % of its range of 100 mm (Sensors 18(2) 504,
+// 2018). It is an assumption, not a measurement of anybody's rig.
 TriangulationCovariance CalibrationOnSite();
 
 // Every default written out: a constant or a table of one exposure time, and the full covariance.

@@ -248,8 +248,8 @@ absl::StatusOr<v1::AcceptanceResult> RunAcceptance(const AcceptanceTask& task,
         "uncertainty.calibration has no errors: sizes and distances come out too good");
   } else if (model.calibration_assumed) {
     result.add_warnings(
-        "uncertainty.calibration is not stated: a rig calibrated on site is assumed, with 0.002 "
-        "degrees and 0.02 mm for camera and laser");
+        "uncertainty.calibration is not stated: a rig calibrated on site is assumed, with 0.001 "
+        "degrees and 0.01 mm for camera and laser");
   }
   for (const Artefact& artefact : choice->artefacts) {
     const Test test{&artefact, ScanArtefact(rig, geometry, artefact, limits)};

@@ -73,7 +73,7 @@ SharedErrors SharedErrorsOf(const Inspection& inspection, const Requirements& re
                             RegistrationMethod method) {
   const UncertaintyModel& model = *inspection.uncertainty;
   const ExecutionModel execution = ExecutionModelOf(inspection);
-  const std::vector<Placings> placings = PlacingsOf(execution, scans);
+  const bool robot = execution.robot_holds_head || execution.robot_holds_part;
   const bool one_head =
       inspection.sensor_mount == SensorMount::kRigid || execution.robot_holds_head;
   const TargetSet& targets = *knowledge.targets;
@@ -83,10 +83,9 @@ SharedErrors SharedErrorsOf(const Inspection& inspection, const Requirements& re
   size_t place = 0, frame = 0;
   for (size_t s = 0; s < scans.size(); ++s) {
     if (s > 0) {
-      const bool sensors_moved = placings[s].sensors != placings[s - 1].sensors;
-      const bool part_moved = placings[s].part != placings[s - 1].part;
-      if (sensors_moved && !one_head) ++place;
-      if (sensors_moved || part_moved) ++frame;
+      const bool same_place = SamePlaceOfSensors(execution, scans[s - 1], scans[s]);
+      if (!same_place && !one_head) ++place;
+      if (robot || !same_place || !SameRest(execution, scans[s - 1], scans[s])) ++frame;
     }
     ScanShare& share = input.scans.emplace_back(
         ShareOf(inspection.rig, scans[s], part_centre_m, targets, knowledge.density[s]));
@@ -113,8 +112,8 @@ std::string RegistrationStatement(const Inspection& inspection, const SharedErro
   }
   const std::vector<FrameRegistration>& frames = errors.frames();
   if (frames.size() < 2 && method != RegistrationMethod::kKnownPoses) {
-    return "All scans are made without touching part or sensors: nothing has to be joined, and all "
-           "are fitted to the model together.";
+    return "All scans are made in one set-up: nothing has to be joined, and all are fitted to the "
+           "model together.";
   }
   double least_m = std::numeric_limits<double>::infinity(), largest_m = 0;
   int undetermined = 0;
@@ -129,9 +128,9 @@ std::string RegistrationStatement(const Inspection& inspection, const SharedErro
                        ? "by best fit over the datum features they share"
                        : "by poses that are known otherwise";
   std::string text = absl::StrFormat(
-      "The part or the sensors are touched %d times between scans; the %d coordinate systems are "
-      "joined %s, with standard uncertainties of %.3g to %.3g um along the surface's normals.",
-      frames.size() - 1, frames.size(), by, 1e6 * std::min(least_m, largest_m), 1e6 * largest_m);
+      "The scans have %d coordinate systems, which are joined %s, with standard uncertainties of %.3g "
+      "to %.3g um along the surface's normals.",
+      frames.size(), by, 1e6 * std::min(least_m, largest_m), 1e6 * largest_m);
   if (undetermined > 0) {
     absl::StrAppendFormat(&text,
                           " %d of them share too little surface with the others to be joined better "
@@ -147,7 +146,7 @@ std::string CalibrationStatement(const Inspection& inspection) {
     return "Errors of the calibration are not counted (uncertainty.calibration is empty).";
   }
   if (!model.calibration_assumed) return "Errors of the calibration are those that are stated.";
-  return "No calibration is stated: a rig calibrated on site is assumed, with 0.002 degrees and 0.02 "
+  return "No calibration is stated: a rig calibrated on site is assumed, with 0.001 degrees and 0.01 "
          "mm for camera and laser (uncertainty.calibration).";
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Errors that the scans of a plan share because of how they are made: in which place of the sensors,
-// and without touching the part.
+// Errors that the scans of a plan share because of how they are made: from which place of the
+// sensors, and in which set-up.
 #pragma once
 
 #include <span>
@@ -18,7 +18,8 @@ bool HasSharedErrors(const Inspection& inspection);
 
 // Errors of the scans of `knowledge.density`, in the order in which they are made. Camera and laser
 // in one housing, or held by one robot, have one calibration for all scans; otherwise they have one
-// for each place. Scans made without touching part or sensors have one frame. `method`: that of the
+// for each place. Scans of one set-up have one frame: turns of the table count as exact. A robot comes
+// to every scan anew. `method`: that of the
 // inspection, or kNone for scans that have been registered otherwise. The targets of `knowledge`
 // must outlive the result.
 SharedErrors SharedErrorsOf(const Inspection& inspection, const Requirements& requirements,
