@@ -262,8 +262,8 @@ absl::StatusOr<MatrixXd> Root(const CalibrationCovariance& c, const std::string&
   return root;
 }
 
-// F of the targets `used`: F F' is the covariance of the common errors of their estimates. Columns of
-// registration are the last ones.
+// F of the targets `used`: F F' is the covariance of the common errors of their estimates. Columns
+// of registration are the last ones.
 absl::StatusOr<MatrixXd> CommonFactor(const Feature& f, const std::vector<int>& used) {
   std::vector<MatrixXd> roots;
   Eigen::Index columns = 0;
@@ -625,8 +625,7 @@ absl::Status CheckFeature(const Feature& f) {
       continue;
     }
     return absl::InvalidArgumentError(absl::StrCat(name, " has ", deviations_m->rows(),
-                                                   " rows for ", n,
-                                                   " targets, or is not finite"));
+                                                   " rows for ", n, " targets, or is not finite"));
   }
   for (size_t s = 0; s < f.scans.size(); ++s) {
     const ScanSensitivity& scan = f.scans[s];

@@ -104,8 +104,7 @@ RowVectorXd SharedErrors::PlaceRow(const Share& share) const {
 }
 
 RowVectorXd SharedErrors::CalibrationRowOf(uint32_t target) const {
-  const Index columns =
-      static_cast<Index>(place_count_) * place_root_.cols() + lens_root_.cols();
+  const Index columns = static_cast<Index>(place_count_) * place_root_.cols() + lens_root_.cols();
   RowVectorXd row = RowVectorXd::Zero(columns);
   if (columns == 0) return row;
   const Row6 pose = PoseRow(target);
@@ -165,12 +164,11 @@ void SharedErrors::Register() {
   MatrixXd covariance = prior_m.cwiseAbs2().asDiagonal();
   if (UsesOverlap(input_.method)) {
     assert(input_.independent_m2.size() == input_.positions_m.size());
-    const Index columns =
-        static_cast<Index>(place_count_) * place_root_.cols() + lens_root_.cols();
-    MatrixXd normal = MatrixXd::Zero(unknowns, unknowns);    // N
-    MatrixXd pull = MatrixXd::Zero(unknowns, columns);       // B
-    MatrixXd moved = MatrixXd::Zero(6, columns);             // sum l a' e of the calibration
-    MatrixXd motion = MatrixXd::Zero(6, unknowns);           // sum l a'a of each frame
+    const Index columns = static_cast<Index>(place_count_) * place_root_.cols() + lens_root_.cols();
+    MatrixXd normal = MatrixXd::Zero(unknowns, unknowns);  // N
+    MatrixXd pull = MatrixXd::Zero(unknowns, columns);     // B
+    MatrixXd moved = MatrixXd::Zero(6, columns);           // sum l a' e of the calibration
+    MatrixXd motion = MatrixXd::Zero(6, unknowns);         // sum l a'a of each frame
     const std::vector<double> neighbours = NeighbourCounts();
     struct InFrame {
       Index frame;
@@ -197,7 +195,8 @@ void SharedErrors::Register() {
       const Row6 a = PoseRow(t);
       const Eigen::Matrix<double, 6, 6> outer = a.transpose() * a;
       const double information = 1 / (input_.independent_m2[t] * neighbours[t]);
-      for (const InFrame& f : seen) motion.middleCols<6>(6 * f.frame) += information * f.weight * outer;
+      for (const InFrame& f : seen)
+        motion.middleCols<6>(6 * f.frame) += information * f.weight * outer;
       RowVectorXd mean = RowVectorXd::Zero(columns);
       for (const InFrame& f : seen) mean += f.weight * f.calibration;
       moved += information * a.transpose() * mean;
@@ -215,9 +214,9 @@ void SharedErrors::Register() {
     // C = S (1 + S N S)^-1 S with S = P^1/2 needs no inverse of a prior that may be zero.
     const MatrixXd scaled = prior_m.asDiagonal() * normal * prior_m.asDiagonal();
     const MatrixXd identity = MatrixXd::Identity(unknowns, unknowns);
-    const MatrixXd posterior =
-        prior_m.asDiagonal() * MatrixXd((identity + scaled).llt().solve(identity)) *
-        prior_m.asDiagonal();
+    const MatrixXd posterior = prior_m.asDiagonal() *
+                               MatrixXd((identity + scaled).llt().solve(identity)) *
+                               prior_m.asDiagonal();
     // Takes off the common motion: the identity less (sum of the frames' K)^-1 K in every frame.
     MatrixXd total = MatrixXd::Zero(6, 6);
     for (Index f = 0; f < unknowns / 6; ++f) total += motion.middleCols<6>(6 * f);
@@ -242,7 +241,8 @@ void SharedErrors::Register() {
       if (&frames_[f] == last) continue;  // scans of a frame follow one another
       last = &frames_[f];
       ++frames_[f].targets;
-      const auto block = covariance.block<6, 6>(6 * static_cast<Index>(f), 6 * static_cast<Index>(f));
+      const auto block =
+          covariance.block<6, 6>(6 * static_cast<Index>(f), 6 * static_cast<Index>(f));
       frames_[f].standard_uncertainty_m += std::max(0.0, (a * block).dot(a));
     }
   }
@@ -254,8 +254,8 @@ void SharedErrors::Register() {
     }
     if (!UsesOverlap(input_.method)) continue;
     const auto first = 6 * static_cast<Index>(f);
-    const VectorXd inverse = prior_m.segment<6>(first).unaryExpr(
-        [](double s) { return s > 0 ? 1 / s : 0; });
+    const VectorXd inverse =
+        prior_m.segment<6>(first).unaryExpr([](double s) { return s > 0 ? 1 / s : 0; });
     const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(
         inverse.asDiagonal() * covariance.block<6, 6>(first, first) * inverse.asDiagonal(),
         Eigen::EigenvaluesOnly);

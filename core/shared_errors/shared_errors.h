@@ -2,25 +2,26 @@
 // Errors that the estimates of many targets share: those of the calibration, common to all scans
 // from one place of the sensors, and those of the registration, common to all scans of one frame.
 //
-// A *frame* is a coordinate system that scans share, such as those of one set-up. Scan s of frame g from place p measures at target t, with unit normal n_t at
-// x_t, the deviation from the model
+// A *frame* is a coordinate system that scans share, such as those of one set-up. Scan s of frame g
+// from place p measures at target t, with unit normal n_t at x_t, the deviation from the model
 //   d_ts = h_t + J_ts (c_p + c_0) + a_t xi_g + e_ts,   a_t = ((x_t - c) x n_t, n_t),
 // h_t: deviation of the surface; J_ts: derivatives with respect to the calibration variables; c_p:
-// errors of camera and laser at place p; c_0: errors of the lens; xi_g: rotation [rad] and shift [m]
-// of the part in frame g; e_ts: independent errors. The estimate of h_t weighs the scans by w_ts,
-// which sum to one.
+// errors of camera and laser at place p; c_0: errors of the lens; xi_g: rotation [rad] and shift
+// [m] of the part in frame g; e_ts: independent errors. The estimate of h_t weighs the scans by
+// w_ts, which sum to one.
 //
 // Best fit. The poses xi are estimated by least squares over the targets that several frames
 // measure, with their prior covariance P (how exactly a part is placed). With the information
 // lambda_tg of frame g about target t, and h_t eliminated, the normal matrix is
 //   N_gh = sum over t of a_t' (lambda_tg delta_gh - lambda_tg lambda_th / sum_k lambda_tk) a_t.
 // The errors that are left are xi - xi^ = -C B c + C^(1/2) z with C = (N + P^-1)^-1: z is standard
-// normal, and B the same sums with J in the place of the second a_t, since errors of the calibration
-// pull the fit. The coordinate system is the best fit of the joined scans to the model, so that a
-// motion of all frames together is no error: with e_t the shared error of the estimate at target t,
-// the motion (sum over t of l_t a_t' a_t)^-1 sum over t of l_t a_t' e_t, l_t the information of the
-// target, is taken off every xi_g. (Registration of multiple views: Bergevin et al., IEEE PAMI 18(5), 1996;
-// covariance of a fit: Censi, An accurate closed-form estimate of ICP's covariance, ICRA 2007.)
+// normal, and B the same sums with J in the place of the second a_t, since errors of the
+// calibration pull the fit. The coordinate system is the best fit of the joined scans to the model,
+// so that a motion of all frames together is no error: with e_t the shared error of the estimate at
+// target t, the motion (sum over t of l_t a_t' a_t)^-1 sum over t of l_t a_t' e_t, l_t the
+// information of the target, is taken off every xi_g. (Registration of multiple views: Bergevin et
+// al., IEEE PAMI 18(5), 1996; covariance of a fit: Censi, An accurate closed-form estimate of ICP's
+// covariance, ICRA 2007.)
 #pragma once
 
 #include <Eigen/Core>
@@ -58,8 +59,8 @@ struct SharedErrorsInput {
   PoseDeviations pose;
   // Variances [m^2] of the independent errors of the targets' estimates; with best fit only.
   std::vector<double> independent_m2;
-  // Estimates of targets at distance d correlate by exp(-d^2 / 2 L^2), so neighbours do not count in
-  // full. 0: not at all.
+  // Estimates of targets at distance d correlate by exp(-d^2 / 2 L^2), so neighbours do not count
+  // in full. 0: not at all.
   double correlation_length_m = 0;
   // Targets that the best fit uses; empty: all.
   std::vector<bool> used;
@@ -120,7 +121,7 @@ class SharedErrors {
   Eigen::Vector3d centre_m_ = Eigen::Vector3d::Zero();
   double radius_m_ = 1;  // rotations are in units of 1 / radius: displacements at that distance
   Eigen::MatrixXd place_root_, lens_root_;
-  Eigen::MatrixXd response_;  // (6 frames) x calibration columns
+  Eigen::MatrixXd response_;   // (6 frames) x calibration columns
   Eigen::MatrixXd pose_root_;  // (6 frames) x registration columns
   std::vector<FrameRegistration> frames_;
 };

@@ -175,13 +175,13 @@ absl::Status ParseRegistration(const v1::Uncertainty& message, const Checker& ch
       message.has_registration_angle_deg() != known) {
     const bool position = message.has_registration_position_m();
     if (!known) {
-      return check.Error(position ? "uncertainty.registration_position_m"
-                                  : "uncertainty.registration_angle_deg",
-                         "needs uncertainty.registration KNOWN_POSES");
+      return check.Error(
+          position ? "uncertainty.registration_position_m" : "uncertainty.registration_angle_deg",
+          "needs uncertainty.registration KNOWN_POSES");
     }
-    return check.Error(position ? "uncertainty.registration_angle_deg"
-                                : "uncertainty.registration_position_m",
-                       "is missing: uncertainty.registration KNOWN_POSES needs it");
+    return check.Error(
+        position ? "uncertainty.registration_angle_deg" : "uncertainty.registration_position_m",
+        "is missing: uncertainty.registration KNOWN_POSES needs it");
   }
   if (!known) return absl::OkStatus();
   SIGHTLINE_RETURN_IF_ERROR(check.Range("uncertainty.registration_position_m",

@@ -227,9 +227,9 @@ v1::InspectedFeature JudgeToleranced(const MeasuredState& state,
   }
   message.set_targets(counts.all);
   message.set_measured_targets(counts.measured);
-  const auto bound =
-      BindCharacteristic(toleranced, state.requirements, state.surface.targets,
-                         MostEvaluatedTargets(state.inspection, toleranced, state.knowledge.density.size()));
+  const auto bound = BindCharacteristic(
+      toleranced, state.requirements, state.surface.targets,
+      MostEvaluatedTargets(state.inspection, toleranced, state.knowledge.density.size()));
   if (!bound.ok()) {
     SetNoEvaluation(bound.status().message(), message);
   } else {
@@ -274,9 +274,8 @@ JudgedInspection JudgeMeasured(const Inspection& inspection, const Requirements&
     for (const MeasuredFile& file : part.files) {
       measured.push_back(scans[static_cast<size_t>(file.scan)]);
     }
-    state.knowledge.shared =
-        SharedErrorsOf(placed, requirements, measured, part.placement.centre_m, state.knowledge,
-                       placed.uncertainty->registration);
+    state.knowledge.shared = SharedErrorsOf(placed, requirements, measured, part.placement.centre_m,
+                                            state.knowledge, placed.uncertainty->registration);
   }
   JudgedInspection judged;
   v1::InspectionResult& result = judged.result;

@@ -31,8 +31,7 @@ double TargetsOf(const TolerancedSurface& surface, double spacing_m) {
 
 v1::TargetRegion RegionOf(const TolerancedSurface& surface) {
   constexpr double kStep_m = 5e-5, kLeast_m = 1e-4;
-  const double wished_m =
-      std::sqrt(kTargetsPerSpacing2 * surface.area_m2 / kWishedFeatureTargets);
+  const double wished_m = std::sqrt(kTargetsPerSpacing2 * surface.area_m2 / kWishedFeatureTargets);
   // A product of whole numbers and 1e-5 is written with few digits.
   const double spacing_m =
       std::max(kLeast_m, 5 * std::floor(wished_m / kStep_m) / std::round(1 / 1e-5));
@@ -77,9 +76,8 @@ std::vector<v1::TargetRegion> SampleFeatures(std::span<const TolerancedSurface> 
     if (TargetsOf(surfaces[i], spacing_m) < kWishedFeatureTargets) few.push_back(i);
   }
   if (few.size() > kMostSampledFeatures) {
-    std::stable_sort(few.begin(), few.end(), [&](size_t a, size_t b) {
-      return surfaces[a].area_m2 < surfaces[b].area_m2;
-    });
+    std::stable_sort(few.begin(), few.end(),
+                     [&](size_t a, size_t b) { return surfaces[a].area_m2 < surfaces[b].area_m2; });
     few.resize(kMostSampledFeatures);
     std::sort(few.begin(), few.end());
   }

@@ -33,7 +33,8 @@ inline constexpr size_t kMostSampledFeatures = 200;
 
 // A region of targets for each surface that has fewer than kWishedFeatureTargets at the general
 // spacing [m], in the order of the surfaces. A surface of the area A gets about kTargetsPerSpacing2
-// A / s^2 targets at the spacing s, which is rounded down to a multiple of 0.05 mm, but at least 0.1 mm.
+// A / s^2 targets at the spacing s, which is rounded down to a multiple of 0.05 mm, but at least
+// 0.1 mm.
 std::vector<v1::TargetRegion> SampleFeatures(std::span<const TolerancedSurface> surfaces,
                                              double spacing_m);
 

@@ -249,7 +249,8 @@ void DraftGoal(const DraftRequest& request, InspectionDraft* draft) {
   draft->comments["uncertainty"] =
       "Errors of the measurement: of the laser line's centre in the image, and of the surface "
       "about "
-      "the CAD model before any scan; lateral resolution to which the surface is to be known "
+      "the CAD model before any scan; lateral resolution to which the surface is to be known. A "
+      "calibration is assumed until yours is stated, and set-ups are joined by best fit "
       "(docs/plan-for-uncertainty.md).";
   v1::ToleranceRequirements& tolerances = *inspection.mutable_tolerances();
   if (request.tolerance_m) {
@@ -332,9 +333,9 @@ absl::StatusOr<InspectionDraft> DraftInspection(const DraftRequest& request) {
     *targets.add_regions() = std::move(region);
   }
   if (targets.regions_size() > 0) {
-    comments["targets.regions"] = absl::StrFormat(
-        "Surfaces of tolerances and datums that would have fewer than %d points.",
-        kWishedFeatureTargets);
+    comments["targets.regions"] =
+        absl::StrFormat("Surfaces of tolerances and datums that would have fewer than %d points.",
+                        kWishedFeatureTargets);
   }
 
   v1::Rig& rig = *inspection.mutable_rig();

@@ -107,8 +107,7 @@ std::vector<v1::FeatureVerdict> JudgeFeatures(const Inspection& inspection,
                            MostEvaluatedTargets(inspection, toleranced, knowledge.density.size()));
     absl::Status judged = bound.status();
     if (judged.ok()) {
-      judged =
-          JudgeBound(inspection, requirements, knowledge, toleranced, *bound, &verdict);
+      judged = JudgeBound(inspection, requirements, knowledge, toleranced, *bound, &verdict);
     }
     if (!judged.ok()) SetNotEvaluated(judged.message(), &verdict);
   }

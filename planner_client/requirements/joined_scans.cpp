@@ -108,7 +108,8 @@ SharedErrors SharedErrorsOf(const Inspection& inspection, const Requirements& re
 std::string RegistrationStatement(const Inspection& inspection, const SharedErrors& errors) {
   const RegistrationMethod method = inspection.uncertainty->registration;
   if (method == RegistrationMethod::kNone) {
-    return "The pose of the part is taken as exact in every set-up (uncertainty.registration NONE).";
+    return "The pose of the part is taken as exact in every set-up (uncertainty.registration "
+           "NONE).";
   }
   const std::vector<FrameRegistration>& frames = errors.frames();
   if (frames.size() < 2 && method != RegistrationMethod::kKnownPoses) {
@@ -123,19 +124,22 @@ std::string RegistrationStatement(const Inspection& inspection, const SharedErro
     largest_m = std::max(largest_m, frame.standard_uncertainty_m);
     undetermined += !frame.determined;
   }
-  const char* by = method == RegistrationMethod::kBestFit ? "by best fit over the surface they share"
+  const char* by = method == RegistrationMethod::kBestFit
+                       ? "by best fit over the surface they share"
                    : method == RegistrationMethod::kDatumFeatures
                        ? "by best fit over the datum features they share"
                        : "by poses that are known otherwise";
   std::string text = absl::StrFormat(
-      "The scans have %d coordinate systems, which are joined %s, with standard uncertainties of %.3g "
+      "The scans have %d coordinate systems, which are joined %s, with standard uncertainties of "
+      "%.3g "
       "to %.3g um along the surface's normals.",
       frames.size(), by, 1e6 * std::min(least_m, largest_m), 1e6 * largest_m);
   if (undetermined > 0) {
-    absl::StrAppendFormat(&text,
-                          " %d of them share too little surface with the others to be joined better "
-                          "than the part is placed.",
-                          undetermined);
+    absl::StrAppendFormat(
+        &text,
+        " %d of them share too little surface with the others to be joined better "
+        "than the part is placed.",
+        undetermined);
   }
   return text;
 }
@@ -146,7 +150,8 @@ std::string CalibrationStatement(const Inspection& inspection) {
     return "Errors of the calibration are not counted (uncertainty.calibration is empty).";
   }
   if (!model.calibration_assumed) return "Errors of the calibration are those that are stated.";
-  return "No calibration is stated: a rig calibrated on site is assumed, with 0.001 degrees and 0.01 "
+  return "No calibration is stated: a rig calibrated on site is assumed, with 0.001 degrees and "
+         "0.01 "
          "mm for camera and laser (uncertainty.calibration).";
 }
 

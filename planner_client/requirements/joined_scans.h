@@ -18,10 +18,9 @@ bool HasSharedErrors(const Inspection& inspection);
 
 // Errors of the scans of `knowledge.density`, in the order in which they are made. Camera and laser
 // in one housing, or held by one robot, have one calibration for all scans; otherwise they have one
-// for each place. Scans of one set-up have one frame: turns of the table count as exact. A robot comes
-// to every scan anew. `method`: that of the
-// inspection, or kNone for scans that have been registered otherwise. The targets of `knowledge`
-// must outlive the result.
+// for each place. Scans of one set-up have one frame: turns of the table count as exact. A robot
+// comes to every scan anew. `method`: that of the inspection, or kNone for scans that have been
+// registered otherwise. The targets of `knowledge` must outlive the result.
 SharedErrors SharedErrorsOf(const Inspection& inspection, const Requirements& requirements,
                             std::span<const Measurement> scans,
                             const Eigen::Vector3d& part_centre_m, const PlanKnowledge& knowledge,

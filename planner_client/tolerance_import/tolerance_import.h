@@ -35,7 +35,8 @@ struct ImportedTolerances {
 
 // The faces that the tolerances name, by number: those of a STEP file, or those of the mesh of the
 // part that lie on the features of a QIF file. `part` is in the coordinates of the file.
-// INVALID_ARGUMENT: the QIF file describes features, and no surface of the part lies on any of them.
+// INVALID_ARGUMENT: the QIF file describes features, and no surface of the part lies on any of
+// them.
 absl::StatusOr<std::vector<FaceTriangles>> FacesOf(const ImportedTolerances& imported,
                                                    const TriangleMesh& part);
 

@@ -29,8 +29,8 @@ struct Wrong {
 };
 
 [[noreturn]] void Refuse(const QifElement& element, const std::string& why) {
-  throw Wrong{absl::InvalidArgumentError(
-      absl::StrCat(element.line, ": <", element.name, ">: ", why))};
+  throw Wrong{
+      absl::InvalidArgumentError(absl::StrCat(element.line, ": <", element.name, ">: ", why))};
 }
 
 constexpr size_t kMostOutlinePoints = 100'000;
@@ -172,8 +172,7 @@ class FeatureReader : private GeometryReader {
     const Vector3d direction = Direction(Needed(axis, "Direction"));
     const double half_angle = Number(Needed(definition_, "HalfAngle"), /*angle=*/true);
     if (!(half_angle > 0 && half_angle < 1.57)) throw NotStated{};
-    const double to_apex_m =
-        0.5 * Number(Needed(definition_, "Diameter")) / std::tan(half_angle);
+    const double to_apex_m = 0.5 * Number(Needed(definition_, "Diameter")) / std::tan(half_angle);
     NominalSurface cone;
     cone.kind = SurfaceKind::kCone;
     cone.half_angle_rad = half_angle;
@@ -271,8 +270,7 @@ class SurfaceReader : private GeometryReader {
       const auto domain = core.attributes.find(name);
       if (domain == core.attributes.end()) throw NotStated{};
       const std::vector<double> ends = Numbers(core, domain->second, 2);
-      AddSlab(face, Direction(*direction), face.surface.point_m, scale * ends[0],
-              scale * ends[1]);
+      AddSlab(face, Direction(*direction), face.surface.point_m, scale * ends[0], scale * ends[1]);
     }
     return face;
   }

@@ -73,9 +73,13 @@ constexpr std::array<CharacteristicName, 18> kDimensional = {{
     {"AngularCoordinate", ToleranceKind::kAngularDistance, "angular coordinate"},
 }};
 
-constexpr std::array<const char*, 7> kKept = {
-    "FileUnits", "DatumDefinitions", "DatumTargetDefinitions", "DatumReferenceFrames",
-    "Features",  "Characteristics",  "Product"};
+constexpr std::array<const char*, 7> kKept = {"FileUnits",
+                                              "DatumDefinitions",
+                                              "DatumTargetDefinitions",
+                                              "DatumReferenceFrames",
+                                              "Features",
+                                              "Characteristics",
+                                              "Product"};
 
 constexpr const char* kDefinition = "CharacteristicDefinition";
 
@@ -294,9 +298,9 @@ class QifReader {
     if (!fresh) return entry->second;
     const std::string& id = nominal.ChildText("FeatureDefinitionId");
     if (id.empty()) return entry->second;
-    const QifElement& definition =
-        Follow(feature_definitions_, nominal, id, "feature definition");
-    std::vector<NominalFace> faces = Checked(FacesOfQifFeature(nominal, definition, geometry_units_));
+    const QifElement& definition = Follow(feature_definitions_, nominal, id, "feature definition");
+    std::vector<NominalFace> faces =
+        Checked(FacesOfQifFeature(nominal, definition, geometry_units_));
     if (faces.empty()) faces = ProductFacesOf(nominal);
     for (NominalFace& face : faces) {
       face.face = static_cast<int>(report_.nominal_faces.size()) + 1;
@@ -607,8 +611,8 @@ class QifReader {
   ToleranceReport report_;
   std::set<std::string> ids_;
   Elements product_surfaces_, product_faces_;
-  Elements feature_definitions_, feature_nominals_, feature_items_, datum_definitions_, datum_targets_, frames_,
-      definitions_, nominals_, items_;
+  Elements feature_definitions_, feature_nominals_, feature_items_, datum_definitions_,
+      datum_targets_, frames_, definitions_, nominals_, items_;
   std::map<const Elements*, std::vector<const QifElement*>> order_;  // as in the file
   std::map<std::string, std::string> feature_names_;                 // of a nominal, by its item
   std::map<std::string, std::vector<int>> faces_of_;                 // of a nominal

@@ -111,8 +111,7 @@ absl::StatusOr<std::string> UncertaintyPly(const TargetSet& targets,
     AppendFloat(&bytes, uncertainties.noise_m[i]);
     AppendFloat(&bytes, uncertainties.sampling_m[i]);
     AppendFloat(&bytes, uncertainties.calibration_m[i]);
-    AppendFloat(&bytes,
-                uncertainties.registration_m.empty() ? 0 : uncertainties.registration_m[i]);
+    AppendFloat(&bytes, uncertainties.registration_m.empty() ? 0 : uncertainties.registration_m[i]);
     AppendFloat(&bytes, uncertainties.admissible_m[i]);
     bytes += static_cast<char>(kind);
   }

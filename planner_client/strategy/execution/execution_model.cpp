@@ -134,8 +134,7 @@ std::vector<Placings> PlacingsOf(const ExecutionModel& model, std::span<const Me
     Placings placing{i, i};
     if (i > 0) {
       const Measurement &before = scans[i - 1], &scan = scans[i];
-      const bool sensors_stay =
-          !model.robot_holds_head && SamePlaceOfSensors(model, before, scan);
+      const bool sensors_stay = !model.robot_holds_head && SamePlaceOfSensors(model, before, scan);
       const bool part_stays = !model.robot_holds_part && SameRest(model, before, scan) &&
                               SameAngle(before.part_gamma_rad, scan.part_gamma_rad) &&
                               SameValue(before.offset_y_m, scan.offset_y_m) &&

@@ -38,7 +38,8 @@ struct Part {
 };
 
 // A scan that sees the targets whose normals have a component along `direction`.
-ScanShare Look(const Part& part, const Vector3d& direction, size_t place, size_t frame, uint64_t seed) {
+ScanShare Look(const Part& part, const Vector3d& direction, size_t place, size_t frame,
+               uint64_t seed) {
   ScanShare scan;
   scan.place = place;
   scan.frame = frame;
@@ -96,16 +97,16 @@ Eigen::Matrix<double, 1, 6> PoseRow(const Part& part, size_t t) {
 // every target with independent errors whose weighted mean has the stated variance; surface and
 // poses are then fitted to all measurements in one dense least-squares problem, and the motion that
 // fits best to the model is taken off.
-VectorXd SimulateJoined(const Part& part, const SharedErrorsInput& input,
-                        uint64_t draw) {
+VectorXd SimulateJoined(const Part& part, const SharedErrorsInput& input, uint64_t draw) {
   const auto count = static_cast<Eigen::Index>(part.positions_m.size());
   const Eigen::Index frames = 3, unknowns = count + 6 * frames;
   CounterRandom random(17, draw);
   const MatrixXd own_root =
       input.calibration.topLeftCorner<kPlaceVariables, kPlaceVariables>().llt().matrixL();
   std::vector<VectorXd> calibration;
-  const VectorXd lens = VectorXd::NullaryExpr(3, [&] { return random.Normal(); })
-                            .cwiseProduct(input.calibration.diagonal().tail<3>().cwiseSqrt());
+  const VectorXd lens = VectorXd::NullaryExpr(3, [&] {
+                          return random.Normal();
+                        }).cwiseProduct(input.calibration.diagonal().tail<3>().cwiseSqrt());
   for (int place = 0; place < 3; ++place) {
     VectorXd errors(kCalibrationVariables);
     errors << own_root * VectorXd::NullaryExpr(kPlaceVariables, [&] { return random.Normal(); }),
@@ -130,8 +131,7 @@ VectorXd SimulateJoined(const Part& part, const SharedErrorsInput& input,
       const Eigen::Matrix<double, 1, 6> a = PoseRow(part, t);
       const double measured =
           scan.derivatives[i].cast<double>().dot(calibration[scan.place].transpose()) +
-          a.dot(pose.segment<6>(at - count).transpose()) +
-          random.Normal() / std::sqrt(information);
+          a.dot(pose.segment<6>(at - count).transpose()) + random.Normal() / std::sqrt(information);
       normal(t, t) += information;
       normal.block<1, 6>(t, at) += information * a;
       normal.block<6, 1>(at, t) += information * a.transpose();

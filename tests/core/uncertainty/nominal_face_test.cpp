@@ -68,7 +68,8 @@ TriangleMesh Mesh() {
   return mesh;
 }
 
-constexpr const char* kQif = R"(<QIFDocument xmlns="http://qifstandards.org/xsd/qif3" versionQIF="3.0.0">
+constexpr const char* kQif =
+    R"(<QIFDocument xmlns="http://qifstandards.org/xsd/qif3" versionQIF="3.0.0">
   <FileUnits><PrimaryUnits>
     <AngularUnit><SIUnitName>radian</SIUnitName><UnitName>degree</UnitName></AngularUnit>
     <LinearUnit><SIUnitName>meter</SIUnitName><UnitName>UNIT</UnitName></LinearUnit>
@@ -207,7 +208,10 @@ TEST_F(NominalFaceTest, SideSizeAndPlaceMustAgree) {
 
 TEST_F(NominalFaceTest, UnitsOfThePmiAreNotThoseOfGeometry) {
   const std::string text = absl::StrReplaceAll(
-      kQif, {{"SIDE", "INTERNAL"}, {"PLACE", "100"}, {"DIAMETER", "10"}, {"UNIT", "mm"},
+      kQif, {{"SIDE", "INTERNAL"},
+             {"PLACE", "100"},
+             {"DIAMETER", "10"},
+             {"UNIT", "mm"},
              {"</PrimaryUnits>",
               "<PMILinearUnit><SIUnitName>meter</SIUnitName><UnitName>inch</UnitName>"
               "</PMILinearUnit></PrimaryUnits>"}});
@@ -220,8 +224,8 @@ TEST_F(NominalFaceTest, UnitsOfThePmiAreNotThoseOfGeometry) {
 TEST_F(NominalFaceTest, NumbersThatAreNoneAreRefusedWithTheirLine) {
   const auto error = [&](const std::string& from, const std::string& to) {
     const std::string text = absl::StrReplaceAll(
-        kQif, {{"SIDE", "INTERNAL"}, {"PLACE", "100"}, {"DIAMETER", "10"}, {"UNIT", "mm"},
-               {from, to}});
+        kQif,
+        {{"SIDE", "INTERNAL"}, {"PLACE", "100"}, {"DIAMETER", "10"}, {"UNIT", "mm"}, {from, to}});
     const auto report = ReadText(text);
     return report.ok() ? "accepted" : std::string(report.status().message());
   };

@@ -148,8 +148,7 @@ TEST(UncertaintyGoal, CalibrationAndRegistrationHaveDefaults) {
   EXPECT_EQ(known.registration_position_m, 1e-5);
   EXPECT_NEAR(known.registration_angle_rad, 0.01 * std::numbers::pi / 180, 1e-15);
   EXPECT_THAT(
-      std::string(
-          ParseWhole(R"("uncertainty": {"registration_angle_deg": 1})").status().message()),
+      std::string(ParseWhole(R"("uncertainty": {"registration_angle_deg": 1})").status().message()),
       HasSubstr("uncertainty.registration_angle_deg needs uncertainty.registration KNOWN_POSES"));
 }
 

@@ -63,10 +63,10 @@ TEST(FeatureSampling, EverySurfaceOfTolerancesAndDatumsHasEnoughTargets) {
   const auto targets = SampleTargets(mesh, *sampling);
   ASSERT_TRUE(targets.ok()) << targets.status();
   for (const TolerancedSurface& surface : surfaces) {
-    const auto on = std::count_if(
-        targets->positions_m.begin(), targets->positions_m.end(), [&](const Eigen::Vector3f& p) {
-          return surface.box_m.exteriorDistance(p.cast<double>()) < 1e-6;
-        });
+    const auto on = std::count_if(targets->positions_m.begin(), targets->positions_m.end(),
+                                  [&](const Eigen::Vector3f& p) {
+                                    return surface.box_m.exteriorDistance(p.cast<double>()) < 1e-6;
+                                  });
     // The sampling keeps its promise on average; the border of a small face holds more.
     EXPECT_GE(on, kWishedFeatureTargets) << surface.name;
   }

@@ -93,9 +93,9 @@ absl::StatusOr<PlanKnowledge> JoinScans(const PlanningSession& session, Coverage
     std::vector<float>& density = knowledge.density.emplace_back(u.total_m.size(), 0.0f);
     for (size_t i = 0; i < scan.targets.size(); ++i) density[scan.targets[i]] = scan.density[i];
   }
-  knowledge.shared = SharedErrorsOf(session.inspection, *session.requirements, scans,
-                                    client.scene().part_centre_m, knowledge,
-                                    session.inspection.uncertainty->registration);
+  knowledge.shared =
+      SharedErrorsOf(session.inspection, *session.requirements, scans, client.scene().part_centre_m,
+                     knowledge, session.inspection.uncertainty->registration);
   const size_t steps = u.after_each_scan_m.size() / std::max<size_t>(1, u.total_m.size());
   for (size_t t = 0; t < u.total_m.size(); ++t) {
     SharedErrors::AtTarget shared;
@@ -104,8 +104,8 @@ absl::StatusOr<PlanKnowledge> JoinScans(const PlanningSession& session, Coverage
     joined.calibration_m = shared.calibration_m;
     joined.registration_m = shared.registration_m;
     const double before_m = joined.total_m;
-    joined.total_m = std::hypot(std::hypot(joined.noise_m, joined.sampling_m),
-                                joined.calibration_m, joined.registration_m);
+    joined.total_m = std::hypot(std::hypot(joined.noise_m, joined.sampling_m), joined.calibration_m,
+                                joined.registration_m);
     u.total_m[t] = static_cast<float>(joined.total_m);
     u.calibration_m[t] = static_cast<float>(joined.calibration_m);
     if (joins) u.registration_m[t] = static_cast<float>(joined.registration_m);
