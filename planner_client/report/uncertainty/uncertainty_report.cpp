@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_replace.h"
 #include "planner_client/report/page/html.h"
 #include "planner_client/report/page/number_text.h"
 #include "planner_client/report/plan/coverage_chart.h"
@@ -212,7 +213,8 @@ std::vector<v1::ReportRun> UncertaintyFinding(const v1::Plan& plan,
     absl::StrAppend(&text, " ", ToleranceCountText(uncertainty));
   }
   for (const std::string& statement : {uncertainty.registration(), uncertainty.calibration()}) {
-    if (!statement.empty()) absl::StrAppend(&text, " ", statement);
+    if (statement.empty()) continue;
+    absl::StrAppend(&text, " ", absl::StrReplaceAll(statement, {{" um ", " \u00b5m "}}));
   }
   const v1::ScanCountBound& bound = uncertainty.bound();
   if (bound.scans() > 0 && bound.converged()) {
