@@ -178,9 +178,9 @@ TEST(SharedErrors, AgreeWithSimulatedMeasurementsThatAreJoined) {
     SharedErrorsInput input = Input(part);
     if (calibrated) input.calibration = SomeCalibration();
     const SharedErrors errors(input);
-    constexpr int kDraws = 1500;
+    constexpr int kSimulations = 1500;
     VectorXd squares = VectorXd::Zero(static_cast<Eigen::Index>(part.positions_m.size()));
-    for (int d = 0; d < kDraws; ++d) {
+    for (int d = 0; d < kSimulations; ++d) {
       squares += SimulateJoined(part, input, static_cast<uint64_t>(d)).cwiseAbs2();
     }
     double ratios = 0;
@@ -190,9 +190,9 @@ TEST(SharedErrors, AgreeWithSimulatedMeasurementsThatAreJoined) {
       if (!errors.Evaluate(t, &shared)) continue;
       const double predicted = std::sqrt(1e-10 + shared.calibration_m * shared.calibration_m +
                                          shared.registration_m * shared.registration_m);
-      const double simulated = std::sqrt(squares[t] / kDraws);
+      const double simulated = std::sqrt(squares[t] / kSimulations);
       // Four standard errors of a standard deviation from so many draws.
-      EXPECT_NEAR(simulated / predicted, 1, 4 / std::sqrt(2.0 * kDraws)) << "target " << t;
+      EXPECT_NEAR(simulated / predicted, 1, 4 / std::sqrt(2.0 * kSimulations)) << "target " << t;
       ratios += simulated / predicted;
       ++seen;
     }

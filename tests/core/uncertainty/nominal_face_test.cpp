@@ -21,7 +21,7 @@ using Eigen::Vector3d;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-constexpr int kFacets = 48;
+constexpr int kWallFacets = 48;
 
 void AddTriangle(TriangleMesh& mesh, const Vector3d& a, const Vector3d& b, const Vector3d& c) {
   const auto first = static_cast<uint32_t>(mesh.positions_m.size());
@@ -39,9 +39,9 @@ void AddQuad(TriangleMesh& mesh, const Vector3d& a, const Vector3d& b, const Vec
 // axis.
 void AddWall(TriangleMesh& mesh, const Vector3d& axis_m, double r0, double z0, double r1, double z1,
              bool inside) {
-  for (int k = 0; k < kFacets; ++k) {
+  for (int k = 0; k < kWallFacets; ++k) {
     const auto at = [&](int i, double r, double z) {
-      const double angle = 2 * std::numbers::pi * i / kFacets;
+      const double angle = 2 * std::numbers::pi * i / kWallFacets;
       return Vector3d(axis_m + Vector3d(r * std::cos(angle), r * std::sin(angle), z));
     };
     const Vector3d a = at(k, r0, z0), b = at(k + 1, r0, z0), c = at(k + 1, r1, z1),
@@ -68,7 +68,7 @@ TriangleMesh Mesh() {
   return mesh;
 }
 
-constexpr const char* kQif =
+constexpr const char* kFeaturesQif =
     R"(<QIFDocument xmlns="http://qifstandards.org/xsd/qif3" versionQIF="3.0.0">
   <FileUnits><PrimaryUnits>
     <AngularUnit><SIUnitName>radian</SIUnitName><UnitName>degree</UnitName></AngularUnit>
@@ -146,7 +146,7 @@ class NominalFaceTest : public ::testing::Test {
                                        const std::string& diameter = "10",
                                        const std::string& unit = "mm") {
     return ReadText(absl::StrReplaceAll(
-        kQif, {{"SIDE", side}, {"PLACE", place}, {"DIAMETER", diameter}, {"UNIT", unit}}));
+        kFeaturesQif, {{"SIDE", side}, {"PLACE", place}, {"DIAMETER", diameter}, {"UNIT", unit}}));
   }
   absl::StatusOr<ToleranceReport> ReadText(const std::string& text) {
     const auto path = std::filesystem::path(::testing::TempDir()) / "nominal_face.qif";
@@ -174,7 +174,7 @@ TEST_F(NominalFaceTest, EveryFeatureFindsItsTriangles) {
   EXPECT_THAT(report->read[0].faces, ElementsAre(1, 2, 3, 4, 5));
   EXPECT_THAT(report->nominal_faces[1].feature, HasSubstr("cylinder (feature 12)"));
   // Of the two squares in one plane the one within the outline.
-  EXPECT_THAT(Triangles(*report), ElementsAre(2, 2 * kFacets, 2 * kFacets, 2, 2));
+  EXPECT_THAT(Triangles(*report), ElementsAre(2, 2 * kWallFacets, 2 * kWallFacets, 2, 2));
 }
 
 TEST_F(NominalFaceTest, FacesOfTheProductStandForOtherFeatures) {
@@ -191,40 +191,41 @@ TEST_F(NominalFaceTest, FacesOfTheProductStandForOtherFeatures) {
     }
   }
   EXPECT_EQ(square, 2);
-  EXPECT_EQ(boss, 2 * kFacets);
+  EXPECT_EQ(boss, 2 * kWallFacets);
   // A feature is bound as a whole or not at all.
   EXPECT_TRUE(report->read[2].faces.empty());
 }
 
 TEST_F(NominalFaceTest, SideSizeAndPlaceMustAgree) {
-  EXPECT_THAT(Triangles(*Read("EXTERNAL", "100")), ElementsAre(2, 0, 2 * kFacets, 2, 2));
-  EXPECT_THAT(Triangles(*Read("EXTERNAL", "200")), ElementsAre(2, 2 * kFacets, 2 * kFacets, 2, 2));
-  EXPECT_THAT(Triangles(*Read("NOT_APPLICABLE", "200"))[1], 2 * kFacets);
-  EXPECT_THAT(Triangles(*Read("INTERNAL", "100", "10.018"))[1], 2 * kFacets);  // 9 um off
-  EXPECT_THAT(Triangles(*Read("INTERNAL", "100", "10.022"))[1], 0);            // 11 um off
+  EXPECT_THAT(Triangles(*Read("EXTERNAL", "100")), ElementsAre(2, 0, 2 * kWallFacets, 2, 2));
+  EXPECT_THAT(Triangles(*Read("EXTERNAL", "200")),
+              ElementsAre(2, 2 * kWallFacets, 2 * kWallFacets, 2, 2));
+  EXPECT_THAT(Triangles(*Read("NOT_APPLICABLE", "200"))[1], 2 * kWallFacets);
+  EXPECT_THAT(Triangles(*Read("INTERNAL", "100", "10.018"))[1], 2 * kWallFacets);  // 9 um off
+  EXPECT_THAT(Triangles(*Read("INTERNAL", "100", "10.022"))[1], 0);                // 11 um off
   // The same numbers in inches are somewhere else.
   EXPECT_THAT(Triangles(*Read("INTERNAL", "100", "10", "inch"))[1], 0);
 }
 
 TEST_F(NominalFaceTest, UnitsOfThePmiAreNotThoseOfGeometry) {
   const std::string text = absl::StrReplaceAll(
-      kQif, {{"SIDE", "INTERNAL"},
-             {"PLACE", "100"},
-             {"DIAMETER", "10"},
-             {"UNIT", "mm"},
-             {"</PrimaryUnits>",
-              "<PMILinearUnit><SIUnitName>meter</SIUnitName><UnitName>inch</UnitName>"
-              "</PMILinearUnit></PrimaryUnits>"}});
+      kFeaturesQif, {{"SIDE", "INTERNAL"},
+                     {"PLACE", "100"},
+                     {"DIAMETER", "10"},
+                     {"UNIT", "mm"},
+                     {"</PrimaryUnits>",
+                      "<PMILinearUnit><SIUnitName>meter</SIUnitName><UnitName>inch</UnitName>"
+                      "</PMILinearUnit></PrimaryUnits>"}});
   const auto report = ReadText(text);
   ASSERT_TRUE(report.ok()) << report.status();
   EXPECT_NEAR(report->read[0].zone_width_m, 0.1 * 0.0254, 1e-12);
-  EXPECT_THAT(Triangles(*report), ElementsAre(2, 2 * kFacets, 2 * kFacets, 2, 2));
+  EXPECT_THAT(Triangles(*report), ElementsAre(2, 2 * kWallFacets, 2 * kWallFacets, 2, 2));
 }
 
 TEST_F(NominalFaceTest, NumbersThatAreNoneAreRefusedWithTheirLine) {
   const auto error = [&](const std::string& from, const std::string& to) {
     const std::string text = absl::StrReplaceAll(
-        kQif,
+        kFeaturesQif,
         {{"SIDE", "INTERNAL"}, {"PLACE", "100"}, {"DIAMETER", "10"}, {"UNIT", "mm"}, {from, to}});
     const auto report = ReadText(text);
     return report.ok() ? "accepted" : std::string(report.status().message());
