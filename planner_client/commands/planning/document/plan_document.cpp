@@ -24,6 +24,7 @@
 #include "planner_client/commands/planning/document/uncertainty_outputs.h"
 #include "planner_client/commands/planning/document/uncovered_outputs.h"
 #include "planner_client/commands/planning/session/robot_outputs.h"
+#include "planner_client/gain_model/joined_uncertainty.h"
 #include "planner_client/report/uncertainty/inadmissible.h"
 #include "planner_client/report/uncertainty/uncertainty_report.h"
 #include "planner_client/requirements/feature_verdicts.h"
@@ -68,56 +69,6 @@ v1::PlannedScan DescribeScan(const PlanningSession& session, const ChosenScan& c
   scan.set_fast_covered_targets(chosen.fast_covered);
   scan.set_measurement_points(chosen.exact.measurement_points);
   return scan;
-}
-
-// Scans and targets with what the scans make known of them, and the errors that they share.
-// `uncertainties` become those of the joined scans.
-absl::StatusOr<PlanKnowledge> JoinScans(const PlanningSession& session, CoverageClient& client,
-                                        std::span<const Measurement> scans,
-                                        PosteriorUncertainties& uncertainties) {
-  PosteriorUncertainties& u = uncertainties;
-  PlanKnowledge knowledge;
-  knowledge.targets = &client.targets();
-  knowledge.measurable = &client.measurable();
-  knowledge.points = u.points;
-  for (size_t t = 0; t < u.total_m.size(); ++t) {
-    knowledge.uncertainty.push_back(
-        {u.total_m[t], u.noise_m[t], u.sampling_m[t], u.calibration_m[t]});
-  }
-  const bool joins = session.inspection.uncertainty->registration != RegistrationMethod::kNone;
-  if (joins) u.registration_m.assign(u.total_m.size(), 0);
-  if (!HasSharedErrors(session.inspection) || scans.empty()) return knowledge;
-  auto information = client.FastInformation(scans);
-  if (!information.ok()) return information.status();
-  for (const InformedScan& scan : *information) {
-    std::vector<float>& density = knowledge.density.emplace_back(u.total_m.size(), 0.0f);
-    for (size_t i = 0; i < scan.targets.size(); ++i) density[scan.targets[i]] = scan.density[i];
-  }
-  knowledge.shared =
-      SharedErrorsOf(session.inspection, *session.requirements, scans, client.scene().part_centre_m,
-                     knowledge, session.inspection.uncertainty->registration);
-  const size_t steps = u.after_each_scan_m.size() / std::max<size_t>(1, u.total_m.size());
-  for (size_t t = 0; t < u.total_m.size(); ++t) {
-    SharedErrors::AtTarget shared;
-    if (!knowledge.shared.Evaluate(static_cast<uint32_t>(t), &shared)) continue;
-    SurfaceUncertainty& joined = knowledge.uncertainty[t];
-    joined.calibration_m = shared.calibration_m;
-    joined.registration_m = shared.registration_m;
-    const double before_m = joined.total_m;
-    joined.total_m = std::hypot(std::hypot(joined.noise_m, joined.sampling_m), joined.calibration_m,
-                                joined.registration_m);
-    u.total_m[t] = static_cast<float>(joined.total_m);
-    u.calibration_m[t] = static_cast<float>(joined.calibration_m);
-    if (joins) u.registration_m[t] = static_cast<float>(joined.registration_m);
-    // Scans before the last one are joined as all of them are.
-    const double added_m2 = joined.total_m * joined.total_m - before_m * before_m;
-    for (size_t s = 0; s < steps; ++s) {
-      float& after_m = u.after_each_scan_m[t * steps + s];
-      after_m = static_cast<float>(
-          std::sqrt(std::max(0.0, double{after_m} * double{after_m} + added_m2)));
-    }
-  }
-  return knowledge;
 }
 
 // Verdicts about the toleranced features.
@@ -178,7 +129,8 @@ absl::Status AddValidation(const PlanningSession& session, std::span<const Measu
   CoverageClient& client = *session.validation_client;
   auto exact = client.Uncertainties(scans, {}, false, {});
   if (!exact.ok()) return exact.status();
-  const auto joined = JoinScans(session, client, scans, *exact);
+  const auto joined =
+      JoinScans(session.inspection, *session.requirements, client, scans, {}, *exact);
   if (!joined.ok()) return joined.status();
   const std::vector<float> admissible_m =
       session.requirements->AdmissibleUncertainties(client.targets());
@@ -249,7 +201,8 @@ absl::Status AddUncertainty(const PlanningSession& session, PlanDocument& docume
                    : session.client->Uncertainties(feasible, {}, true, {});
   if (!exact.ok()) return exact.status();
   document.uncertainties = *std::move(exact);
-  const auto knowledge = JoinScans(session, *session.client, feasible, document.uncertainties);
+  const auto knowledge = JoinScans(session.inspection, *session.requirements, *session.client,
+                                   feasible, {}, document.uncertainties);
   if (!knowledge.ok()) return knowledge.status();
 
   v1::PlanUncertainty& message = *document.plan.mutable_uncertainty();

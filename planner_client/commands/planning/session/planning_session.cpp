@@ -21,6 +21,7 @@
 #include "planner_client/commands/planning/session/robot_outputs.h"
 #include "planner_client/gain_model/coverage_gain_model.h"
 #include "planner_client/part_files/part_file.h"
+#include "planner_client/requirements/joined_scans.h"
 #include "planner_client/requirements/reach.h"
 #include "planner_client/tolerance_import/tolerance_import.h"
 
@@ -100,6 +101,10 @@ std::string LimitsText(const TargetSampling& targets) {
   return text.empty() ? "none" : text;
 }
 
+// Room that gains of scans leave below the admissible uncertainty for errors that scans share,
+// which only the scores of whole plans know. It sets where the search looks, not what counts.
+constexpr float kSharedErrorMargin = 0.9F;
+
 absl::Status MakeGainModel(PlanningSession& session) {
   if (!session.ForUncertainty()) {
     session.gain_model =
@@ -108,15 +113,25 @@ absl::Status MakeGainModel(PlanningSession& session) {
   }
   const Requirements& requirements = *session.requirements;
   const UncertaintyModel& model = *session.inspection.uncertainty;
+  const bool shared = HasSharedErrors(session.inspection);
   const auto judge = [&](CoverageClient* client) -> UncertaintyGainModel::Sampling {
     if (client == nullptr) return {nullptr, {}};
-    return {client, JudgeTargets(*client, model, session.inspection.targets,
-                                 requirements.AdmissibleUncertainties(client->targets()),
-                                 requirements.relaxed_uncertainty_m)};
+    std::vector<float> admissible_m = requirements.AdmissibleUncertainties(client->targets());
+    const float margin = shared ? kSharedErrorMargin : 1;
+    for (float& u_m : admissible_m) u_m *= margin;
+    UncertaintyGainModel::Sampling sampling{
+        client, JudgeTargets(*client, model, session.inspection.targets, std::move(admissible_m),
+                             requirements.relaxed_uncertainty_m)};
+    sampling.targets.margin = margin;
+    return sampling;
   };
   auto gain_model = std::make_unique<UncertaintyGainModel>(
       judge(session.client.get()), judge(session.validation_client.get()), model,
       session.inspection.goal.gain, requirements.relaxed_uncertainty_m);
+  if (shared) {
+    gain_model->ScoreJoined(std::make_shared<const UncertaintyGainModel::JoinedTask>(
+        UncertaintyGainModel::JoinedTask{session.inspection, requirements}));
+  }
   PrintTextTo(stderr, "tolerances: they bind %lld of the measurable targets\n",
               static_cast<long long>(gain_model->measurable().Count()));
   session.gain_model = std::move(gain_model);
