@@ -6,9 +6,6 @@
 #include <limits>
 
 #include "core/surface_inference/surface_inference.h"
-#include "planner_client/gain_model/joined_uncertainty.h"
-#include "planner_client/strategy/execution/execution_model.h"
-#include "planner_client/strategy/scan_order.h"
 
 namespace sightline {
 namespace {
@@ -167,41 +164,6 @@ std::vector<ShareStep> UncertaintyGainModel::steps() const {
   return steps;
 }
 
-absl::StatusOr<std::vector<float>> UncertaintyGainModel::Exact(
-    const Sampling& sampling, std::span<const Measurement> scans,
-    const std::vector<uint32_t>& asked) const {
-  if (joined_ == nullptr) {
-    std::vector<float> enough_m;
-    for (const uint32_t t : asked) enough_m.push_back(sampling.targets.admissible_uncertainty_m[t]);
-    auto exact = sampling.client->Uncertainties(scans, asked, false, enough_m);
-    if (!exact.ok()) return exact.status();
-    return std::move(exact->total_m);
-  }
-  // Set-ups are joined by all surface that they share, toleranced or not.
-  TargetBits evaluated(sampling.targets.judged.size());
-  const std::vector<uint32_t> measurable = FullShares(sampling.client->measurable()).targets;
-  for (size_t i = 0; i < measurable.size(); i += kStride) evaluated.Set(measurable[i]);
-  for (const uint32_t t : asked) evaluated.Set(t);
-  const std::vector<uint32_t> targets = FullShares(evaluated).targets;
-  std::vector<Measurement> ordered;
-  for (const int scan :
-       OrderScans(ExecutionModelOf(joined_->inspection), {scans.begin(), scans.end()}, 0)) {
-    ordered.push_back(scans[static_cast<size_t>(scan)]);
-  }
-  auto exact = sampling.client->Uncertainties(ordered, targets, false, {});
-  if (!exact.ok()) return exact.status();
-  const auto joined = JoinScans(joined_->inspection, joined_->requirements, *sampling.client,
-                                ordered, targets, *exact);
-  if (!joined.ok()) return joined.status();
-  std::vector<float> total_m;
-  size_t i = 0;
-  for (const uint32_t t : asked) {
-    while (targets[i] != t) ++i;
-    total_m.push_back(exact->total_m[i]);
-  }
-  return total_m;
-}
-
 absl::StatusOr<UncertaintyGainModel::Counts> UncertaintyGainModel::Count(
     const Sampling& sampling, std::span<const Measurement> scans, bool thorough) const {
   std::vector<uint32_t> judged = FullShares(sampling.targets.judged).targets;
@@ -209,16 +171,15 @@ absl::StatusOr<UncertaintyGainModel::Counts> UncertaintyGainModel::Count(
   if (judged.empty() || scans.empty()) return counts;
   std::vector<uint32_t> asked;
   for (size_t i = 0; i < judged.size(); i += thorough ? 1 : kStride) asked.push_back(judged[i]);
-  const auto exact_m = Exact(sampling, scans, asked);
-  if (!exact_m.ok()) return exact_m.status();
-  const auto required_m = [&](uint32_t t) {
-    return sampling.targets.admissible_uncertainty_m[t] / sampling.targets.margin;
-  };
+  std::vector<float> enough_m;
+  for (const uint32_t t : asked) enough_m.push_back(sampling.targets.admissible_uncertainty_m[t]);
+  auto exact = sampling.client->Uncertainties(scans, asked, false, enough_m);
+  if (!exact.ok()) return exact.status();
   for (size_t i = 0; i < asked.size(); ++i) {
-    const float u_m = (*exact_m)[i];
-    counts.satisfied += u_m <= required_m(asked[i]);
-    counts.relaxed +=
-        u_m <= std::max(required_m(asked[i]), static_cast<float>(query_.relaxed_uncertainty_m));
+    const float u_m = exact->total_m[i];
+    counts.satisfied += u_m <= sampling.targets.admissible_uncertainty_m[asked[i]];
+    counts.relaxed += u_m <= std::max(sampling.targets.admissible_uncertainty_m[asked[i]],
+                                      static_cast<float>(query_.relaxed_uncertainty_m));
   }
   if (thorough) return counts;
   // Extrapolate exact minus fast from the sampled subset to all targets and subtract one standard
@@ -231,7 +192,7 @@ absl::StatusOr<UncertaintyGainModel::Counts> UncertaintyGainModel::Count(
   }
   int64_t differ = 0;  // targets that only one of the two calls admissible
   for (size_t i = 0; i < asked.size(); ++i) {
-    differ += ((*exact_m)[i] <= required_m(asked[i])) !=
+    differ += (exact->total_m[i] <= sampling.targets.admissible_uncertainty_m[asked[i]]) !=
               (density[asked[i]] >= sampling.targets.admissible_density[asked[i]]);
   }
   const auto scaled = [&](int64_t exact_part, const std::vector<float>& needed) {

@@ -6,13 +6,9 @@
 
 #include <array>
 #include <map>
-#include <memory>
-#include <utility>
 #include <vector>
 
-#include "core/inspection/inspection.h"
 #include "planner_client/coverage_client/coverage_client.h"
-#include "planner_client/requirements/requirements.h"
 
 namespace sightline {
 
@@ -20,8 +16,6 @@ namespace sightline {
 struct JudgedTargets {
   TargetBits judged;                            // measurable, and a tolerance binds them
   std::vector<float> admissible_uncertainty_m;  // 0: not toleranced
-  // These are the required uncertainties times this: room for errors that the search does not know.
-  float margin = 1;
   // Information density [1/m^4] after which the uncertainty is admissible, and relaxed; infinite
   // where a target is not toleranced.
   std::vector<float> admissible_density;
@@ -44,14 +38,6 @@ class UncertaintyGainModel final : public GainModel {
   // `fresh.client` may be null. Clients must outlive the gain model.
   UncertaintyGainModel(Sampling planned, Sampling fresh, const UncertaintyModel& model,
                        const GainWeights& weights, double relaxed_uncertainty_m);
-
-  // Plans are scored with the errors that their scans share (joined_uncertainty.h); gains of scans
-  // do not know these.
-  struct JoinedTask {
-    Inspection inspection;
-    Requirements requirements;
-  };
-  void ScoreJoined(std::shared_ptr<const JoinedTask> task) { joined_ = std::move(task); }
 
   absl::Status SetWeights(const GainWeights& weights) override {
     query_.weights = weights;
@@ -81,10 +67,6 @@ class UncertaintyGainModel final : public GainModel {
   struct Counts {
     int64_t satisfied = 0, relaxed = 0;
   };
-  // Exact uncertainties of the targets asked for, joined if wished.
-  absl::StatusOr<std::vector<float>> Exact(const Sampling& sampling,
-                                           std::span<const Measurement> scans,
-                                           const std::vector<uint32_t>& asked) const;
   // Exact, of all toleranced targets or estimated from a part of them.
   absl::StatusOr<Counts> Count(const Sampling& sampling, std::span<const Measurement> scans,
                                bool thorough) const;
@@ -92,7 +74,6 @@ class UncertaintyGainModel final : public GainModel {
   Sampling planned_, fresh_;
   UncertaintyQuery query_;
   double prior_standard_deviation_m_;
-  std::shared_ptr<const JoinedTask> joined_;  // null: scans are scored as the service does
 };
 
 }  // namespace sightline

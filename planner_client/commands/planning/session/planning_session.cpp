@@ -101,8 +101,9 @@ std::string LimitsText(const TargetSampling& targets) {
   return text.empty() ? "none" : text;
 }
 
-// Room that gains of scans leave below the admissible uncertainty for errors that scans share,
-// which only the scores of whole plans know. It sets where the search looks, not what counts.
+// Part of the admissible uncertainty that the search may use up: errors that scans share follow
+// from the whole plan and are not known to it. On a bracket of 175 mm it reached 79.6 % of the
+// targets without this room, of which 74.3 % were left when the scans were joined.
 constexpr float kSharedErrorMargin = 0.9F;
 
 absl::Status MakeGainModel(PlanningSession& session) {
@@ -119,19 +120,12 @@ absl::Status MakeGainModel(PlanningSession& session) {
     std::vector<float> admissible_m = requirements.AdmissibleUncertainties(client->targets());
     const float margin = shared ? kSharedErrorMargin : 1;
     for (float& u_m : admissible_m) u_m *= margin;
-    UncertaintyGainModel::Sampling sampling{
-        client, JudgeTargets(*client, model, session.inspection.targets, std::move(admissible_m),
-                             requirements.relaxed_uncertainty_m)};
-    sampling.targets.margin = margin;
-    return sampling;
+    return {client, JudgeTargets(*client, model, session.inspection.targets,
+                                 std::move(admissible_m), requirements.relaxed_uncertainty_m)};
   };
   auto gain_model = std::make_unique<UncertaintyGainModel>(
       judge(session.client.get()), judge(session.validation_client.get()), model,
       session.inspection.goal.gain, requirements.relaxed_uncertainty_m);
-  if (shared) {
-    gain_model->ScoreJoined(std::make_shared<const UncertaintyGainModel::JoinedTask>(
-        UncertaintyGainModel::JoinedTask{session.inspection, requirements}));
-  }
   PrintTextTo(stderr, "tolerances: they bind %lld of the measurable targets\n",
               static_cast<long long>(gain_model->measurable().Count()));
   session.gain_model = std::move(gain_model);
