@@ -5,6 +5,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <set>
+#include <string>
+#include <utility>
 
 namespace sightline {
 namespace {
@@ -44,17 +47,22 @@ class Outline {
   std::vector<Vector2d> corners_;
 };
 
-FaceTriangles TrianglesOn(const NominalFace& face, const NominalSurface& surface,
-                          const TriangleMesh& mesh) {
-  FaceTriangles found;
-  found.face = face.face;
+// Triangles within a distance of the surface, and their area.
+struct Found {
+  FaceTriangles face;
+  double area_m2 = 0;
+};
+
+Found TrianglesWithin(double distance_m, const NominalFace& face, const NominalSurface& surface,
+                      const TriangleMesh& mesh) {
+  Found found;
+  found.face.face = face.face;
   const Outline outline(face.outline_m, surface.axis);
   const auto on = [&](const Vector3d& p) {
-    if (!(std::abs(SignedDistance(surface, p)) <= kOnNominalSurface_m)) return false;
+    if (!(std::abs(SignedDistance(surface, p)) <= distance_m)) return false;
     return std::all_of(face.slabs.begin(), face.slabs.end(), [&](const NominalFace::Slab& slab) {
       const double along_m = slab.direction.dot(p);
-      return along_m >= slab.lower_m - kOnNominalSurface_m &&
-             along_m <= slab.upper_m + kOnNominalSurface_m;
+      return along_m >= slab.lower_m - distance_m && along_m <= slab.upper_m + distance_m;
     });
   };
   for (size_t t = 0; t < mesh.triangles.size(); ++t) {
@@ -66,11 +74,24 @@ FaceTriangles TrianglesOn(const NominalFace& face, const NominalSurface& surface
     const double facing = normal.dot(DistanceGradient(surface, centre, normal));
     if (face.side == 0 ? std::abs(facing) < kFaces : face.side * facing < kFaces) continue;
     if (!outline.Holds(centre)) continue;
-    const auto first = static_cast<uint32_t>(found.positions_m.size());
-    found.positions_m.insert(found.positions_m.end(), corners.begin(), corners.end());
-    found.triangles.push_back({first, first + 1, first + 2});
+    const auto first = static_cast<uint32_t>(found.face.positions_m.size());
+    found.face.positions_m.insert(found.face.positions_m.end(), corners.begin(), corners.end());
+    found.face.triangles.push_back({first, first + 1, first + 2});
+    found.area_m2 += mesh.Area(t);
   }
   return found;
+}
+
+// All of the face's triangles, or none if a part of them lies off the surface.
+FaceTriangles TrianglesOn(const NominalFace& face, const NominalSurface& surface,
+                          const TriangleMesh& mesh) {
+  // Facets of a fillet that runs out into the surface lie near it too.
+  constexpr double kNearlyAll = 0.9;
+  Found on = TrianglesWithin(kOnNominalSurface_m, face, surface, mesh);
+  if (on.face.triangles.empty()) return {face.face, {}, {}};
+  const Found near = TrianglesWithin(kNearNominalSurface_m, face, surface, mesh);
+  if (on.area_m2 < kNearlyAll * near.area_m2) return {face.face, {}, {}};
+  return std::move(on.face);
 }
 
 }  // namespace
@@ -78,12 +99,24 @@ FaceTriangles TrianglesOn(const NominalFace& face, const NominalSurface& surface
 std::vector<FaceTriangles> FacesOnMesh(std::span<const NominalFace> faces,
                                        const TriangleMesh& mesh) {
   std::vector<FaceTriangles> found;
+  std::set<std::string> missed;  // features
+  std::vector<const std::string*> feature_of;
   for (const NominalFace& face : faces) {
-    FaceTriangles on = TrianglesOn(face, face.surface, mesh);
+    FaceTriangles on{face.face, {}, {}};
+    if (face.surface.kind != SurfaceKind::kFreeform) on = TrianglesOn(face, face.surface, mesh);
     if (on.triangles.empty() && face.alternative) on = TrianglesOn(face, *face.alternative, mesh);
-    if (!on.triangles.empty()) found.push_back(std::move(on));
+    if (on.triangles.empty()) {
+      missed.insert(face.feature);
+      continue;
+    }
+    found.push_back(std::move(on));
+    feature_of.push_back(&face.feature);
   }
-  return found;
+  std::vector<FaceTriangles> whole;
+  for (size_t i = 0; i < found.size(); ++i) {
+    if (!missed.contains(*feature_of[i])) whole.push_back(std::move(found[i]));
+  }
+  return whole;
 }
 
 }  // namespace sightline

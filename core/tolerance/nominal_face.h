@@ -4,7 +4,9 @@
 //
 // QIF gives the position and size of every feature, and a mesh of the same part has its vertices on
 // these surfaces: a triangle belongs to a feature if all three of its vertices lie on the feature's
-// surface within 10 um, within the feature's extent, and if it faces the stated side.
+// surface within 10 um, within the feature's extent, and if it faces the stated side. A feature is
+// found as a whole or not at all: of a bore that is 20 um out of place, strips of the wall would
+// still lie within 10 um.
 #pragma once
 
 #include <Eigen/Core>
@@ -20,9 +22,9 @@
 namespace sightline {
 
 struct NominalFace {
-  int face = 0;         // number that tolerances and datums name it by, from 1
-  std::string feature;  // in words: "cylinder Hole 3 (feature 17)"
-  NominalSurface surface;
+  int face = 0;            // number that tolerances and datums name it by, from 1
+  std::string feature;     // in words: "cylinder Hole 3 (feature 17)"
+  NominalSurface surface;  // free form: none that can be found
   // Tried where no triangle lies on `surface`: a cone that opens the other way.
   std::optional<NominalSurface> alternative;
   // The part's outward normals point along the gradient of the signed distance (1) or against it
@@ -40,9 +42,11 @@ struct NominalFace {
 
 // Vertices of a triangulation lie on the model's surfaces within rounding and the file's digits.
 inline constexpr double kOnNominalSurface_m = 1e-5;
+// Triangles that lie this near to a face and face the same way are meant to be on it.
+inline constexpr double kNearNominalSurface_m = 5e-5;
 
-// The triangles of each face that has any, in the order of `faces`; vertices are not shared between
-// triangles.
+// The triangles of each face, in the order of `faces`, of features of which every face has some and
+// has nearly all that lie within kNearNominalSurface_m; vertices are not shared between triangles.
 std::vector<FaceTriangles> FacesOnMesh(std::span<const NominalFace> faces,
                                        const TriangleMesh& mesh);
 

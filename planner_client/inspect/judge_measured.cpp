@@ -73,16 +73,7 @@ Eigen::VectorXd DeviationsOf(const MeasuredState& state, const BoundCharacterist
   return deviations_m;
 }
 
-// The tolerance of the file that a feature stands for; null: it is a region of the inspection.
-const Tolerance* ToleranceOf(const Requirements& requirements, const TolerancedFeature& feature) {
-  if (feature.id.empty()) return nullptr;
-  for (const Tolerance& tolerance : requirements.tolerances) {
-    if (tolerance.id == feature.id && tolerance.name == feature.name) return &tolerance;
-  }
-  return nullptr;
-}
-
-// Limits of a size. FAILED_PRECONDITION: the model has another size than the drawing means.
+// Limits of a size. Errors of CheckModelSizes.
 absl::Status SetLimits(const Tolerance* tolerance, const CharacteristicFit& fit,
                        MeasuredZone& zone) {
   if (fit.model_sizes_m.empty() || tolerance == nullptr || !tolerance->lower_m ||
@@ -91,13 +82,7 @@ absl::Status SetLimits(const Tolerance* tolerance, const CharacteristicFit& fit,
   }
   zone.lower_m = tolerance->lower_m;
   zone.upper_m = tolerance->upper_m;
-  for (const double size_m : fit.model_sizes_m) {
-    if (size_m >= *zone.lower_m - zone.width_m && size_m <= *zone.upper_m + zone.width_m) continue;
-    return absl::FailedPreconditionError(
-        absl::StrFormat("the model has %.4g mm where the drawing allows %.4g to %.4g mm",
-                        1e3 * size_m, 1e3 * *zone.lower_m, 1e3 * *zone.upper_m));
-  }
-  return absl::OkStatus();
+  return CheckModelSizes(tolerance, fit, zone.width_m);
 }
 
 void SetValue(const MeasuredValue& value, const MeasuredZone& zone, const Feature& feature,

@@ -59,6 +59,11 @@ absl::Status JudgeBound(const Inspection& inspection, const Requirements& requir
   LeaveOutCorrelation(bound, feature);
   const auto fit = FitCharacteristic(feature, bound.characteristic);
   if (absl::IsUnimplemented(fit.status())) return fit.status();
+  if (fit.ok()) {
+    absl::Status sizes =
+        CheckModelSizes(ToleranceOf(requirements, toleranced), *fit, toleranced.zone_width_m);
+    if (!sizes.ok()) return sizes;
+  }
   double width_m = toleranced.zone_width_m;
   if (toleranced.zone_width_rad > 0) {
     // Without a fit the verdict states counts of targets only, whatever the width.

@@ -50,12 +50,15 @@ std::vector<bool> OnDatums(const Requirements& requirements, const TargetSet& ta
   return on;
 }
 
-PoseDeviations PoseBefore(const Inspection& inspection, RegistrationMethod method) {
+// `sensors_move`: their places differ, so that errors of putting them there count as well.
+PoseDeviations PoseBefore(const Inspection& inspection, RegistrationMethod method,
+                          bool sensors_move) {
   if (method == RegistrationMethod::kKnownPoses) {
     return {inspection.uncertainty->registration_angle_rad,
             inspection.uncertainty->registration_position_m};
   }
   const PlacementErrors& placement = inspection.placement;
+  if (!sensors_move) return {placement.part_angle_rad, placement.part_position_m};
   return {std::hypot(placement.part_angle_rad, placement.sensor_angle_rad),
           std::hypot(placement.part_position_m, placement.sensor_position_m)};
 }
@@ -81,9 +84,11 @@ SharedErrors SharedErrorsOf(const Inspection& inspection, const Requirements& re
   input.positions_m = targets.positions_m;
   input.normals = targets.normals;
   size_t place = 0, frame = 0;
+  bool sensors_move = execution.robot_holds_head;
   for (size_t s = 0; s < scans.size(); ++s) {
     if (s > 0) {
       const bool same_place = SamePlaceOfSensors(execution, scans[s - 1], scans[s]);
+      sensors_move = sensors_move || !same_place;
       if (!same_place && !one_head) ++place;
       if (robot || !same_place || !SameRest(execution, scans[s - 1], scans[s])) ++frame;
     }
@@ -95,7 +100,7 @@ SharedErrors SharedErrorsOf(const Inspection& inspection, const Requirements& re
   input.calibration =
       model.calibration.bottomRightCorner<kCalibrationVariables, kCalibrationVariables>();
   input.method = method;
-  input.pose = PoseBefore(inspection, method);
+  input.pose = PoseBefore(inspection, method, sensors_move);
   for (const SurfaceUncertainty& u : knowledge.uncertainty) {
     input.independent_m2.push_back(u.noise_m * u.noise_m + u.sampling_m * u.sampling_m);
   }
@@ -124,16 +129,17 @@ std::string RegistrationStatement(const Inspection& inspection, const SharedErro
     largest_m = std::max(largest_m, frame.standard_uncertainty_m);
     undetermined += !frame.determined;
   }
-  const char* by = method == RegistrationMethod::kBestFit
-                       ? "by best fit over the surface they share"
-                   : method == RegistrationMethod::kDatumFeatures
-                       ? "by best fit over the datum features they share"
-                       : "by poses that are known otherwise";
+  const char* by = "whose poses are known otherwise";
+  if (method == RegistrationMethod::kBestFit) {
+    by = "which are joined by best fit over the surface they share";
+  } else if (method == RegistrationMethod::kDatumFeatures) {
+    by = "which are joined by best fit over the datum features they share";
+  }
   std::string text = absl::StrFormat(
-      "The scans have %d coordinate systems, which are joined %s, with standard uncertainties of "
-      "%.3g "
-      "to %.3g um along the surface's normals.",
-      frames.size(), by, 1e6 * std::min(least_m, largest_m), 1e6 * largest_m);
+      "The scans have %d coordinate system%s, %s, with standard uncertainties of %.3g to %.3g um "
+      "along the surface's normals.",
+      frames.size(), frames.size() == 1 ? "" : "s", by, 1e6 * std::min(least_m, largest_m),
+      1e6 * largest_m);
   if (undetermined > 0) {
     absl::StrAppendFormat(
         &text,

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "absl/strings/str_format.h"
 #include "core/surface_inference/surface_inference.h"
 
 namespace sightline {
@@ -70,6 +71,29 @@ double KnownUncertainty(const Inspection& inspection, const Requirements& requir
     default:
       return std::max(single_m, requirements.relaxed_uncertainty_m);
   }
+}
+
+const Tolerance* ToleranceOf(const Requirements& requirements, const TolerancedFeature& feature) {
+  if (feature.id.empty()) return nullptr;
+  for (const Tolerance& tolerance : requirements.tolerances) {
+    if (tolerance.id == feature.id && tolerance.name == feature.name) return &tolerance;
+  }
+  return nullptr;
+}
+
+absl::Status CheckModelSizes(const Tolerance* tolerance, const CharacteristicFit& fit,
+                             double zone_width_m) {
+  if (tolerance == nullptr || !tolerance->lower_m || !tolerance->upper_m) return absl::OkStatus();
+  for (const double size_m : fit.model_sizes_m) {
+    if (size_m >= *tolerance->lower_m - zone_width_m &&
+        size_m <= *tolerance->upper_m + zone_width_m) {
+      continue;
+    }
+    return absl::FailedPreconditionError(
+        absl::StrFormat("the model has %.4g mm where the drawing allows %.4g to %.4g mm",
+                        1e3 * size_m, 1e3 * *tolerance->lower_m, 1e3 * *tolerance->upper_m));
+  }
+  return absl::OkStatus();
 }
 
 double MaterialBonus(const TolerancedFeature& feature, const BoundCharacteristic& bound,

@@ -48,6 +48,15 @@ void LeaveOutCorrelation(const BoundCharacteristic& bound, Feature& feature);
 double KnownUncertainty(const Inspection& inspection, const Requirements& requirements,
                         const TolerancedFeature& feature);
 
+// The tolerance of the file that a feature stands for; null: it is a region of the inspection.
+const Tolerance* ToleranceOf(const Requirements& requirements, const TolerancedFeature& feature);
+
+// FAILED_PRECONDITION: the model has another size than the drawing means: its sizes or distances
+// lie outside the limits by more than the zone's width. Tolerances without limits have no such
+// size.
+absl::Status CheckModelSizes(const Tolerance* tolerance, const CharacteristicFit& fit,
+                             double zone_width_m);
+
 // Gain [m] of the zone at the nominal size: its distance from the limit of maximum or least
 // material, between 0 and the whole tolerance of the size. 0 without a material requirement.
 double MaterialBonus(const TolerancedFeature& feature, const BoundCharacteristic& bound,

@@ -122,7 +122,15 @@ absl::Status AddTolerance(const Tolerance& tolerance, const ToleranceReport& rep
   AddSizeLimits(tolerance, report, &feature);
   for (const int number : tolerance.faces) {
     const auto face = by_number.find(number);
-    if (face == by_number.end()) continue;
+    if (face == by_number.end()) {
+      const auto missed = std::find_if(report.nominal_faces.begin(), report.nominal_faces.end(),
+                                       [&](const NominalFace& f) { return f.face == number; });
+      if (missed == report.nominal_faces.end()) continue;
+      return leave_out(
+          absl::StrCat(missed->feature, missed->surface.kind == SurfaceKind::kFreeform
+                                            ? " has no surface that is bound"
+                                            : " does not lie on the part as a whole within 10 um"));
+    }
     const std::string binds = absl::StrCat(file, ": tolerance ", tolerance.name);
     absl::Status status = AddSurface(*face->second, binds, &feature.faces);
     if (!status.ok()) return status;
@@ -130,11 +138,7 @@ absl::Status AddTolerance(const Tolerance& tolerance, const ToleranceReport& rep
     AddNominal(*face->second, requirements);
   }
   if (feature.faces.empty()) {
-    if (tolerance.features.empty()) {
-      return leave_out("it binds no face that the file gives the surface of");
-    }
-    return leave_out(absl::StrCat("no surface of the part lies on its ", tolerance.features.front(),
-                                  ", or features of that kind are not bound"));
+    return leave_out("it binds no face that the file gives the surface of");
   }
   requirements->features.push_back(std::move(feature));
   requirements->tolerances.push_back(tolerance);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "planner_client/tolerance_import/tolerance_import.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <utility>
 
@@ -55,7 +56,12 @@ absl::StatusOr<ImportedTolerances> ImportStep(const std::string& file,
 absl::StatusOr<std::vector<FaceTriangles>> FacesOf(const ImportedTolerances& imported,
                                                    const TriangleMesh& part) {
   const ToleranceReport& report = imported.report;
-  if (report.nominal_faces.empty()) return imported.faces;
+  const auto has_surface = [](const NominalFace& face) {
+    return face.surface.kind != SurfaceKind::kFreeform;
+  };
+  if (std::none_of(report.nominal_faces.begin(), report.nominal_faces.end(), has_surface)) {
+    return imported.faces;
+  }
   std::vector<FaceTriangles> faces = FacesOnMesh(report.nominal_faces, part);
   if (!faces.empty()) return faces;
   return absl::InvalidArgumentError(absl::StrCat(

@@ -52,6 +52,12 @@ class GeometryReader {
     return *value * Scale(element, angle);
   }
 
+  double Positive(const QifElement& element) const {
+    const double value = Number(element);
+    if (!(value > 0)) Refuse(element, "must be above 0");
+    return value;
+  }
+
   double Scale(const QifElement& element, bool angle = false) const {
     const auto scale = units_.Scale(element, angle);
     if (!scale.ok()) throw NotStated{};
@@ -155,7 +161,7 @@ class FeatureReader : private GeometryReader {
     face.surface.kind = SurfaceKind::kCylinder;
     face.surface.point_m = Point(Needed(axis, "AxisPoint"));
     face.surface.axis = Direction(Needed(axis, "Direction"));
-    face.surface.radius_m = 0.5 * Number(Needed(definition_, "Diameter"));
+    face.surface.radius_m = 0.5 * Positive(Needed(definition_, "Diameter"));
     face.side = Side();
     if (const QifElement* length = definition_.Child("Length")) {
       // The axis point may be at either end or in the middle.
@@ -172,7 +178,7 @@ class FeatureReader : private GeometryReader {
     const Vector3d direction = Direction(Needed(axis, "Direction"));
     const double half_angle = Number(Needed(definition_, "HalfAngle"), /*angle=*/true);
     if (!(half_angle > 0 && half_angle < 1.57)) throw NotStated{};
-    const double to_apex_m = 0.5 * Number(Needed(definition_, "Diameter")) / std::tan(half_angle);
+    const double to_apex_m = 0.5 * Positive(Needed(definition_, "Diameter")) / std::tan(half_angle);
     NominalSurface cone;
     cone.kind = SurfaceKind::kCone;
     cone.half_angle_rad = half_angle;
@@ -190,7 +196,7 @@ class FeatureReader : private GeometryReader {
     NominalFace face;
     face.surface.kind = SurfaceKind::kSphere;
     face.surface.point_m = Point(Needed(nominal_, "Location"));
-    face.surface.radius_m = 0.5 * Number(Needed(definition_, "Diameter"));
+    face.surface.radius_m = 0.5 * Positive(Needed(definition_, "Diameter"));
     face.side = Side();
     return face;
   }
@@ -200,8 +206,8 @@ class FeatureReader : private GeometryReader {
     face.surface.kind = SurfaceKind::kTorus;
     face.surface.point_m = Point(Needed(nominal_, "Location"));
     face.surface.axis = Direction(Needed(nominal_, "AxisVector"));
-    face.surface.radius_m = 0.5 * Number(Needed(definition_, "MajorDiameter"));
-    face.surface.tube_radius_m = 0.5 * Number(Needed(definition_, "MinorDiameter"));
+    face.surface.radius_m = 0.5 * Positive(Needed(definition_, "MajorDiameter"));
+    face.surface.tube_radius_m = 0.5 * Positive(Needed(definition_, "MinorDiameter"));
     face.side = Side();
     return face;
   }
@@ -211,7 +217,7 @@ class FeatureReader : private GeometryReader {
     const QifElement& middle = Needed(nominal_, "CenterPlane");
     const Vector3d point = Point(Needed(middle, "Point"));
     const Vector3d normal = Direction(Needed(middle, "Normal"));
-    const double half_m = 0.5 * Number(Needed(definition_, "Width"));
+    const double half_m = 0.5 * Positive(Needed(definition_, "Width"));
     std::vector<NominalFace> faces;
     for (const double sign : {-1.0, 1.0}) {
       NominalFace face;
@@ -277,7 +283,7 @@ class SurfaceReader : private GeometryReader {
 
   NominalFace Cylinder(const QifElement& core) const {
     NominalFace face = OnAxis(core, SurfaceKind::kCylinder);
-    face.surface.radius_m = 0.5 * Number(Needed(core, "Diameter"));
+    face.surface.radius_m = 0.5 * Positive(Needed(core, "Diameter"));
     AddSlab(face, face.surface.axis, face.surface.point_m, 0, Number(Needed(core, "Length")));
     return face;
   }
@@ -299,14 +305,14 @@ class SurfaceReader : private GeometryReader {
     NominalFace face;
     face.surface.kind = SurfaceKind::kSphere;
     face.surface.point_m = Point(Needed(core, "Location"));
-    face.surface.radius_m = 0.5 * Number(Needed(core, "Diameter"));
+    face.surface.radius_m = 0.5 * Positive(Needed(core, "Diameter"));
     return face;
   }
 
   NominalFace Torus(const QifElement& core) const {
     NominalFace face = OnAxis(core, SurfaceKind::kTorus);
-    face.surface.radius_m = 0.5 * Number(Needed(core, "DiameterMajor"));
-    face.surface.tube_radius_m = 0.5 * Number(Needed(core, "DiameterMinor"));
+    face.surface.radius_m = 0.5 * Positive(Needed(core, "DiameterMajor"));
+    face.surface.tube_radius_m = 0.5 * Positive(Needed(core, "DiameterMinor"));
     return face;
   }
 

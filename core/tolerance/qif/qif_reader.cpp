@@ -177,11 +177,7 @@ class QifReader {
       index[id] = &element;
       order_[&index].push_back(&element);
     }
-    const auto n = list->attributes.find("n");
-    size_t stated = 0;
-    if (n != list->attributes.end() && (!absl::SimpleAtoi(n->second, &stated) || stated != count)) {
-      Break(*list, absl::StrCat("attribute n is ", n->second, "; it has ", count, " elements"));
-    }
+    CheckCount(*list, count);
   }
 
   // Surfaces and faces of the product, by id; later ones of the same id are not looked at.
@@ -216,14 +212,23 @@ class QifReader {
   }
 
   // Texts of the <Id> children of `list` of `element`.
-  static std::vector<std::string> Ids(const QifElement& element, const std::string& list) {
+  std::vector<std::string> Ids(const QifElement& element, const std::string& list) const {
     std::vector<std::string> ids;
     const QifElement* found = element.Child(list);
     if (found == nullptr) return ids;
     for (const QifElement& id : found->children) {
       if (id.name == "Id") ids.push_back(id.text);
     }
+    CheckCount(*found, ids.size());
     return ids;
+  }
+
+  void CheckCount(const QifElement& list, size_t count) const {
+    const auto n = list.attributes.find("n");
+    size_t stated = 0;
+    if (n != list.attributes.end() && (!absl::SimpleAtoi(n->second, &stated) || stated != count)) {
+      Break(list, absl::StrCat("attribute n is ", n->second, "; it has ", count, " elements"));
+    }
   }
 
   // --- Values -------------------------------------------------------------------------------
@@ -297,11 +302,15 @@ class QifReader {
     const auto [entry, fresh] = faces_of_.try_emplace(Id(nominal));
     if (!fresh) return entry->second;
     const std::string& id = nominal.ChildText("FeatureDefinitionId");
-    if (id.empty()) return entry->second;
-    const QifElement& definition = Follow(feature_definitions_, nominal, id, "feature definition");
+    static const QifElement kNone;
+    const QifElement& definition =
+        id.empty() ? kNone : Follow(feature_definitions_, nominal, id, "feature definition");
     std::vector<NominalFace> faces =
         Checked(FacesOfQifFeature(nominal, definition, geometry_units_));
     if (faces.empty()) faces = ProductFacesOf(nominal);
+    // A feature without a surface has a face that is found on no part, so that what it belongs to
+    // is not evaluated on its other features alone.
+    if (faces.empty()) faces.emplace_back();
     for (NominalFace& face : faces) {
       face.face = static_cast<int>(report_.nominal_faces.size()) + 1;
       face.feature = FeatureText(nominal);
@@ -477,6 +486,7 @@ class QifReader {
       if (const auto* found = std::find_if(kGeometric.begin(), kGeometric.end(), same);
           found != kGeometric.end()) {
         ReadGeometric(*found, definition, tolerance);
+        ReadSegments(*found, definition, tolerance, 2);
       } else if (const auto* dimension =
                      std::find_if(kDimensional.begin(), kDimensional.end(), same);
                  dimension != kDimensional.end()) {
@@ -535,6 +545,28 @@ class QifReader {
       absl::StrAppend(&tolerance.text, " | ", datum);
     }
     report_.read.push_back(std::move(tolerance));
+  }
+
+  // Further segments of a composite tolerance, each a tolerance of its own: narrower zones with
+  // fewer datums (ASME Y14.5-2018, 10.5.1 and 11.6.2).
+  void ReadSegments(const CharacteristicName& name, const QifElement& definition,
+                    const Tolerance& first, int number) {
+    for (const QifElement& segment : definition.children) {
+      if (!absl::StrContains(segment.name, "CompositeSegment")) continue;
+      Count(segment, 1);
+      ++report_.entity_count;
+      Tolerance tolerance = first;
+      tolerance.id = absl::StrCat(first.id, ".", number);
+      tolerance.name = absl::StrCat(first.name, ", segment ", number);
+      tolerance.persistent_id.clear();
+      try {
+        ReadGeometric(name, segment, tolerance);
+      } catch (const Unreadable& unreadable) {
+        report_.not_read.push_back(
+            {absl::StrCat(tolerance.name, " (line ", segment.line, ")"), unreadable.reason});
+      }
+      ReadSegments(name, segment, first, ++number);
+    }
   }
 
   void ReadDimension(const CharacteristicName& name, const QifElement& nominal,

@@ -430,6 +430,13 @@ absl::Status TakeTolerances(const NewInspectionOptions& options, const TriangleM
   request->tolerance_unit = options.tolerances_unit;
   const auto faces = FacesOf(*imported, part);
   if (!faces.ok()) return faces.status();
+  const size_t described = imported->report.nominal_faces.size();
+  if (faces->size() < described) {
+    PrintText(
+        "tolerances: %zu of the %zu faces that features of %s have lie on the part; "
+        "`sightline plan` names the tolerances of the others\n",
+        faces->size(), described, imported->report.file.c_str());
+  }
   request->toleranced_surfaces = TolerancedSurfacesOf(imported->report, *faces);
   return absl::OkStatus();
 }

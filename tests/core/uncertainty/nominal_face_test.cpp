@@ -170,8 +170,9 @@ TEST_F(NominalFaceTest, EveryFeatureFindsItsTriangles) {
   const auto report = Read();
   ASSERT_TRUE(report.ok()) << report.status();
   ASSERT_EQ(report->read.size(), 3u);
-  // A line has no face; a width has two.
-  EXPECT_THAT(report->read[0].faces, ElementsAre(1, 2, 3, 4, 5));
+  // A width has two faces; that of a line is found nowhere.
+  EXPECT_THAT(report->read[0].faces, ElementsAre(1, 2, 3, 4, 5, 6));
+  EXPECT_EQ(report->nominal_faces[5].surface.kind, SurfaceKind::kFreeform);
   EXPECT_THAT(report->nominal_faces[1].feature, HasSubstr("cylinder (feature 12)"));
   // Of the two squares in one plane the one within the outline.
   EXPECT_THAT(Triangles(*report), ElementsAre(2, 2 * kWallFacets, 2 * kWallFacets, 2, 2));
@@ -181,19 +182,20 @@ TEST_F(NominalFaceTest, FacesOfTheProductStandForOtherFeatures) {
   const auto report = Read();
   ASSERT_TRUE(report.ok()) << report.status();
   // Both halves of the boss are one surface.
-  EXPECT_THAT(report->read[1].faces, ElementsAre(6, 7));
+  EXPECT_THAT(report->read[1].faces, ElementsAre(7, 8));
   size_t square = 0, boss = 0;
   for (const FaceTriangles& face : FacesOnMesh(report->nominal_faces, Mesh())) {
-    if (face.face == 6) square = face.triangles.size();
-    if (face.face == 7) boss = face.triangles.size();
-    if (face.face == 6) {
+    if (face.face == 7) square = face.triangles.size();
+    if (face.face == 8) boss = face.triangles.size();
+    if (face.face == 7) {
       EXPECT_GT(face.positions_m[0].x(), 0.015);
     }
   }
   EXPECT_EQ(square, 2);
   EXPECT_EQ(boss, 2 * kWallFacets);
   // A feature is bound as a whole or not at all.
-  EXPECT_TRUE(report->read[2].faces.empty());
+  ASSERT_THAT(report->read[2].faces, ElementsAre(9));
+  EXPECT_EQ(report->nominal_faces[8].surface.kind, SurfaceKind::kFreeform);
 }
 
 TEST_F(NominalFaceTest, SideSizeAndPlaceMustAgree) {
@@ -203,8 +205,34 @@ TEST_F(NominalFaceTest, SideSizeAndPlaceMustAgree) {
   EXPECT_THAT(Triangles(*Read("NOT_APPLICABLE", "200"))[1], 2 * kWallFacets);
   EXPECT_THAT(Triangles(*Read("INTERNAL", "100", "10.018"))[1], 2 * kWallFacets);  // 9 um off
   EXPECT_THAT(Triangles(*Read("INTERNAL", "100", "10.022"))[1], 0);                // 11 um off
+  // Strips of the wall lie within 10 um of a bore that is 20 um out of place; the bore does not.
+  EXPECT_THAT(Triangles(*Read("INTERNAL", "100.02"))[1], 0);
+  EXPECT_THAT(Triangles(*Read("INTERNAL", "100.005"))[1], 2 * kWallFacets);
   // The same numbers in inches are somewhere else.
   EXPECT_THAT(Triangles(*Read("INTERNAL", "100", "10", "inch"))[1], 0);
+}
+
+TEST_F(NominalFaceTest, SegmentsOfCompositeTolerancesAreTolerances) {
+  const std::string text = absl::StrReplaceAll(
+      kFeaturesQif,
+      {{"SIDE", "INTERNAL"},
+       {"PLACE", "100"},
+       {"DIAMETER", "10"},
+       {"UNIT", "mm"},
+       {"<ToleranceValue>0.1</ToleranceValue>",
+        "<ToleranceValue>0.1</ToleranceValue><SecondCompositeSegmentProfileDefinition>"
+        "<ToleranceValue>0.02</ToleranceValue></SecondCompositeSegmentProfileDefinition>"
+        "<ThirdCompositeSegmentProfileDefinition/>"}});
+  const auto report = ReadText(text);
+  ASSERT_TRUE(report.ok()) << report.status();
+  ASSERT_EQ(report->read.size(), 6u);
+  EXPECT_EQ(report->read[1].id, "31.2");
+  EXPECT_THAT(report->read[1].name, HasSubstr("segment 2"));
+  EXPECT_NEAR(report->read[1].zone_width_m, 2e-5, 1e-15);
+  EXPECT_EQ(report->read[1].faces, report->read[0].faces);
+  ASSERT_EQ(report->not_read.size(), 3u);
+  EXPECT_THAT(report->not_read[0].name, HasSubstr("segment 3"));
+  EXPECT_EQ(report->entity_count, 9);
 }
 
 TEST_F(NominalFaceTest, UnitsOfThePmiAreNotThoseOfGeometry) {
@@ -236,6 +264,10 @@ TEST_F(NominalFaceTest, NumbersThatAreNoneAreRefusedWithTheirLine) {
   EXPECT_THAT(error("count=\"4\"", "count=\"5\""), HasSubstr("<PolyLine>: has 12 numbers"));
   EXPECT_THAT(error("count=\"4\"", "count=\"-4\""), HasSubstr("<PolyLine>: attribute count"));
   EXPECT_THAT(error("<HalfAngle>14.", "<HalfAngle>a14."), HasSubstr("<HalfAngle>"));
+  EXPECT_THAT(error("<Diameter>20</Diameter>", "<Diameter>-20</Diameter>"),
+              HasSubstr("<Diameter>: must be above 0"));
+  EXPECT_THAT(error("<FeatureNominalIds><Id>16", "<FeatureNominalIds n=\"3\"><Id>16"),
+              HasSubstr("attribute n is 3; it has 1 elements"));
   // What is not stated is no error: the feature has no face.
   EXPECT_EQ(error("<Diameter>20</Diameter>", ""), "accepted");
 }

@@ -101,9 +101,8 @@ std::string LimitsText(const TargetSampling& targets) {
   return text.empty() ? "none" : text;
 }
 
-// Part of the admissible uncertainty that the search may use up: errors that scans share follow
-// from the whole plan and are not known to it. On a bracket of 175 mm it reached 79.6 % of the
-// targets without this room, of which 74.3 % were left when the scans were joined.
+// Part of the admissible uncertainty that the search may use up: errors that scans share follow from
+// the whole plan and are not known to it.
 constexpr float kSharedErrorMargin = 0.9F;
 
 absl::Status MakeGainModel(PlanningSession& session) {
