@@ -94,12 +94,12 @@ class SharedErrors {
   bool Evaluate(uint32_t target, AtTarget* result) const;
 
   const std::vector<FrameRegistration>& frames() const { return frames_; }
-  // Of a scan of the input.
+  // The number of the frame of a scan of the input.
   size_t frame_of(size_t scan) const { return input_.scans[scan].frame; }
 
  private:
   using Row6 = Eigen::Matrix<double, 1, 6>;
-  // What a scan adds to a target's estimate.
+  // Part that a scan has in a target's estimate.
   struct Share {
     uint32_t scan = 0, index = 0;
     double weight = 0;

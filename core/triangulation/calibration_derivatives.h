@@ -10,7 +10,7 @@ namespace sightline {
 
 // Variables 2 to 13 of TriangulationVariable: all but those of detection.
 inline constexpr int kCalibrationVariables = kTriangulationVariables - 2;
-// Those of camera and laser come first; the rest are of the lens.
+// The variables of camera and laser come first; the rest are of the lens.
 inline constexpr int kPlaceVariables = kFocalLengthError - kCameraAlpha;
 using CalibrationRow = Eigen::Matrix<double, 1, kCalibrationVariables>;
 using CalibrationCovariance = Eigen::Matrix<double, kCalibrationVariables, kCalibrationVariables>;

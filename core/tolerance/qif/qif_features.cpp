@@ -261,7 +261,7 @@ class SurfaceReader : private GeometryReader {
   }
 
  private:
-  // Which side the material is on depends on the loops of the faces: either counts.
+  // The loops of the faces say on which side the material is; here either counts.
   NominalFace Plane(const QifElement& core) const {
     NominalFace face;
     face.surface.kind = SurfaceKind::kPlane;
@@ -328,7 +328,7 @@ class SurfaceReader : private GeometryReader {
   const QifElement& surface_;
 };
 
-// What `reader` reads.
+// The faces that `reader` reads.
 template <typename Reader>
 absl::StatusOr<std::vector<NominalFace>> Faces(const Reader& reader) {
   try {

@@ -98,7 +98,7 @@ class Handler final : public xc::DefaultHandler, public xc::XMLEntityResolver {
     open_.push_back(std::move(element));
   }
 
-  // Of a product only its surfaces and which of them each face lies on.
+  // Only the surfaces of a product are kept, and which of them each face lies on.
   bool IsOfUse(const std::string& name) const {
     if (open_[1].name != "Product") return true;
     if (depth_ == 3) return name == "GeometrySet" || name == "TopologySet";

@@ -264,11 +264,12 @@ TEST(SharedErrors, WithoutOverlapAFrameIsAsUncertainAsItIsPlaced) {
   for (const FrameRegistration& frame : errors.frames()) {
     EXPECT_EQ(frame.overlap_targets, 0);
     EXPECT_FALSE(frame.determined);
-    // Of the order of the placing errors: what both frames do alike is no error of joining them.
+    // The order is that of the placing errors: what both frames do alike is no error of joining
+    // them.
     EXPECT_GT(frame.standard_uncertainty_m, 0.25 * input.pose.position_m);
     EXPECT_LT(frame.standard_uncertainty_m, input.pose.position_m);
   }
-  // Where the fit may not use what they share, it is the same.
+  // The result is the same if the fit may not use what they share.
   SharedErrorsInput unused = Input(part);
   unused.used.assign(part.positions_m.size(), false);
   const SharedErrors without(unused);

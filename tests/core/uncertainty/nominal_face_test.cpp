@@ -174,7 +174,7 @@ TEST_F(NominalFaceTest, EveryFeatureFindsItsTriangles) {
   EXPECT_THAT(report->read[0].faces, ElementsAre(1, 2, 3, 4, 5, 6));
   EXPECT_EQ(report->nominal_faces[5].surface.kind, SurfaceKind::kFreeform);
   EXPECT_THAT(report->nominal_faces[1].feature, HasSubstr("cylinder (feature 12)"));
-  // Of the two squares in one plane the one within the outline.
+  // Two squares lie in one plane; one is within the outline.
   EXPECT_THAT(Triangles(*report), ElementsAre(2, 2 * kWallFacets, 2 * kWallFacets, 2, 2));
 }
 
@@ -268,7 +268,7 @@ TEST_F(NominalFaceTest, NumbersThatAreNoneAreRefusedWithTheirLine) {
               HasSubstr("<Diameter>: must be above 0"));
   EXPECT_THAT(error("<FeatureNominalIds><Id>16", "<FeatureNominalIds n=\"3\"><Id>16"),
               HasSubstr("attribute n is 3; it has 1 elements"));
-  // What is not stated is no error: the feature has no face.
+  // A missing element is no error: the feature has no face.
   EXPECT_EQ(error("<Diameter>20</Diameter>", ""), "accepted");
 }
 
