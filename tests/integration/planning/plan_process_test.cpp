@@ -14,6 +14,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_replace.h"
 #include "core/inspection/inspection.h"
+#include "core/json/message_json.h"
 #include "core/part/load_part.h"
 #include "core/rig/scan_geometry.h"
 #include "sightline/v1/plan.pb.h"
@@ -91,10 +92,18 @@ TEST_F(PlanProcessTest, SetUpsAreJoinedAndTheirErrorsCount) {
   for (const v1::Setup& setup : known.setups()) {
     EXPECT_NEAR(setup.registration().standard_uncertainty_m(), 3e-5, 1e-9);
   }
-  // The box is placed by hand to 2 mm; what its set-ups share joins them far better.
+  // Two places of the sensors. The box is placed by hand to 2 mm; what both see joins them far
+  // better.
+  v1::Plan two = plan;
+  *two.add_scans() = two.scans(0);
+  v1::Measurement& moved = *two.mutable_scans(two.scans_size() - 1)->mutable_measurement();
+  moved.set_camera_distance_m(moved.camera_distance_m() + 0.01);
+  Write("exact/plan.json", ToJson(two));
   const v1::Plan joined = evaluate(R"("registration": "BEST_FIT")");
   EXPECT_THAT(joined.uncertainty().registration(), HasSubstr("by best fit"));
+  EXPECT_GE(joined.setups_size(), 2);
   for (const v1::Setup& setup : joined.setups()) {
+    EXPECT_GT(setup.registration().overlap_targets(), 0);
     EXPECT_LT(setup.registration().standard_uncertainty_m(), 2e-3);
   }
   Write("wrong.json", absl::StrReplaceAll(exact, {{R"("NONE")", R"("KNOWN_POSES")"}}));
