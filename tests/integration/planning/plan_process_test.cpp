@@ -14,7 +14,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_replace.h"
 #include "core/inspection/inspection.h"
-#include "core/json/message_json.h"
+#include "core/json/strict_json.h"
 #include "core/part/load_part.h"
 #include "core/rig/scan_geometry.h"
 #include "sightline/v1/plan.pb.h"
