@@ -473,7 +473,9 @@ TEST_F(QifTest, EverythingIsReadOrListed) {
   EXPECT_DOUBLE_EQ(flatness.zone_width_m, 0.2e-3);
   EXPECT_EQ(flatness.name, "Flatness.1");
   EXPECT_THAT(flatness.features, ElementsAre("plane top (feature 11, entities 501)"));
-  EXPECT_THAT(flatness.faces, IsEmpty());
+  // The file gives no geometry of the feature.
+  EXPECT_THAT(flatness.faces, ElementsAre(1));
+  EXPECT_EQ(report.nominal_faces.at(0).surface.kind, SurfaceKind::kFreeform);
 
   const Tolerance& position = report.read[1];
   EXPECT_DOUBLE_EQ(position.zone_width_m, 0.254e-3);  // 0.01 inch
