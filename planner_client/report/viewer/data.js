@@ -110,11 +110,11 @@ export function readScene(raw) {
   };
 }
 
-/** The largest of noise, sampling, calibration, registration per target: 0, 1, 2, 5 (PART_STATES). */
+/** The largest of noise, sampling, and calibration or registration per target: 0, 1, 2. */
 export function dominatingParts({noise, sampling, calibration, registration}) {
   return Uint8Array.from(noise, (n, i) => {
-    if (registration?.[i] > Math.max(n, sampling[i], calibration[i])) return 5;
-    return calibration[i] > Math.max(n, sampling[i]) ? 2 : sampling[i] > n ? 1 : 0;
+    const shared = Math.max(calibration[i], registration?.[i] ?? 0);
+    return shared > Math.max(n, sampling[i]) ? 2 : sampling[i] > n ? 1 : 0;
   });
 }
 

@@ -13,8 +13,7 @@ export const CLASS_STATES = [
 export const PART_STATES = [
   [0, '--noise', 'noise'],
   [1, '--sampling', 'sampling'],
-  [2, '--calibration', 'calibration'],
-  [5, '--registration', 'registration'],
+  [2, '--calibration', 'calibration or registration'],
   [3, '--not-measured', 'not measured'],
   [4, '--not-measurable', 'not measurable'],
 ];
