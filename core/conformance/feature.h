@@ -133,7 +133,8 @@ Eigen::VectorXd FitResiduals(const FeatureFit& fit, const Eigen::VectorXd& devia
 // surfaces the largest.
 double FormDeviation(const FeatureFit& fit, const Eigen::VectorXd& deviations_m);
 
-// Uncertainty of the measurand [m]; total^2 = noise^2 + sampling^2 + calibration^2 + registration^2.
+// Uncertainty of the measurand [m]; total^2 = noise^2 + sampling^2 + calibration^2 +
+// registration^2.
 struct MeasurandUncertainty {
   SurfaceUncertainty u{};  // at the worst target, functional or pair of targets
   int worst = 0;           // its index: target, or row of the functionals

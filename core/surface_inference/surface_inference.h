@@ -36,10 +36,10 @@ struct SurfaceObservation {
 // Uncertainty of the deviation at a target; variances add up: noise + sampling + calibration +
 // registration.
 struct SurfaceUncertainty {
-  double total_m;        // posterior standard deviation
-  double noise_m;        // from detection noise
-  double sampling_m;     // from deviation of the surface between and beyond the points
-  double calibration_m;  // from errors common to all points of a scan
+  double total_m;             // posterior standard deviation
+  double noise_m;             // from detection noise
+  double sampling_m;          // from deviation of the surface between and beyond the points
+  double calibration_m;       // from errors common to all points of a scan
   double registration_m = 0;  // from joining coordinate systems (core/shared_errors)
 };
 

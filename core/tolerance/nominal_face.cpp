@@ -26,7 +26,8 @@ class Outline {
     for (const Vector3d& p : points_m) corners_.push_back(In(p));
   }
 
-  // By the parity of crossings of a ray; without corners everything is inside.
+  // A point is inside if a ray from it crosses the boundary an odd number of times. Without corners
+  // every point is inside.
   bool Holds(const Vector3d& p) const {
     if (corners_.size() < 3) return true;
     const Vector2d q = In(p);

@@ -209,7 +209,8 @@ TEST(FeatureVerdicts, AFittedPlaneAveragesOverItsTargets) {
   requirements->features[0].kind = ToleranceKind::kPosition;
   const TargetSet targets = GridTargets();
   TargetBits measurable(targets.size());
-  const auto verdicts = JudgeFeatures(inspection, *requirements, KnowAll(targets, measurable, 8e-5));
+  const auto verdicts =
+      JudgeFeatures(inspection, *requirements, KnowAll(targets, measurable, 8e-5));
   // Worst at a corner: 1/n for the offset and 3/n for each tilt.
   EXPECT_NEAR(verdicts[0].uncertainty_m(), 8e-5 * std::sqrt(7.0 / 100), 0.1 * 8e-5);
   EXPECT_TRUE(verdicts[0].can_be_proven()) << verdicts[0].because();
@@ -227,7 +228,8 @@ TEST(FeatureVerdicts, TooFewTargetsAreSaid) {
   ASSERT_TRUE(requirements.ok());
   const TargetSet targets = GridTargets();
   TargetBits measurable(targets.size());
-  const auto verdicts = JudgeFeatures(inspection, *requirements, KnowAll(targets, measurable, 1e-5));
+  const auto verdicts =
+      JudgeFeatures(inspection, *requirements, KnowAll(targets, measurable, 1e-5));
   EXPECT_FALSE(verdicts[0].can_be_proven());
   EXPECT_THAT(verdicts[0].because(), HasSubstr("only 2 targets lie on it"));
 }

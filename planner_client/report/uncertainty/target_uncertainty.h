@@ -23,12 +23,13 @@ struct ScanSensitivityMap {
 };
 
 // After all scans of a plan, one entry per target and array. The parts are those of
-// SurfaceUncertainty: total^2 = noise^2 + sampling^2 + calibration^2 + registration^2. Finite, >= 0.
+// SurfaceUncertainty: total^2 = noise^2 + sampling^2 + calibration^2 + registration^2. Finite, >=
+// 0.
 struct TargetUncertainties {
   std::vector<double> total_m, noise_m, sampling_m, calibration_m;
   std::vector<double> registration_m;  // empty: no set-ups are joined
-  std::vector<double> admissible_m;  // 0: no tolerance binds the target, it is not judged
-  double relaxed_m = 0;              // 0: none
+  std::vector<double> admissible_m;    // 0: no tolerance binds the target, it is not judged
+  double relaxed_m = 0;                // 0: none
   // The limit of each target that is not admissible (inadmissible.h); empty: not told apart.
   std::vector<v1::UncertaintyLimit> limits;
   // Only where they are to be shown: one per scan of the plan, empty maps for scans without.

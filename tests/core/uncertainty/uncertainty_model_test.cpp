@@ -4,10 +4,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <numbers>
 
 #include "core/inspection/inspection.h"
 #include "core/json/strict_json.h"
+#include "core/triangulation/calibration_derivatives.h"
 
 namespace sightline {
 namespace {
@@ -150,6 +152,25 @@ TEST(UncertaintyGoal, CalibrationAndRegistrationHaveDefaults) {
   EXPECT_THAT(
       std::string(ParseWhole(R"("uncertainty": {"registration_angle_deg": 1})").status().message()),
       HasSubstr("uncertainty.registration_angle_deg needs uncertainty.registration KNOWN_POSES"));
+}
+
+// The numbers that the documentation states.
+TEST(UncertaintyModel, TheAssumedCalibrationIsThatOfAPublishedSensor) {
+  const double d_m = 0.4, angle = std::numbers::pi / 6;
+  TriangulationSetup setup;
+  setup.camera = {{0, 0, d_m}, {1, 0, 0}, {0, -1, 0}, {0, 0, -1}};
+  const Eigen::Vector3d x(1, 0, 0), z(0, -std::sin(angle), -std::cos(angle));
+  setup.laser = {-d_m * z, x, z.cross(x), z};
+  const auto depth_m = [&](double focal_length_px) {
+    setup.focal_length_px = focal_length_px;
+    const CalibrationRow row =
+        CalibrationDerivatives(setup, Eigen::Vector3d::Zero(), Eigen::Vector3d::UnitZ());
+    const CalibrationCovariance covariance =
+        CalibrationOnSite().bottomRightCorner<kCalibrationVariables, kCalibrationVariables>();
+    return std::sqrt((row * covariance).dot(row));
+  };
+  EXPECT_NEAR(depth_m(2400), 0.042e-3, 0.5e-6);
+  EXPECT_NEAR(depth_m(618), 0.116e-3, 0.5e-6);
 }
 
 TEST(UncertaintyGoal, TolerancesAreChecked) {

@@ -106,6 +106,14 @@ TEST_F(PlanProcessTest, SetUpsAreJoinedAndTheirErrorsCount) {
     EXPECT_GT(setup.registration().overlap_targets(), 0);
     EXPECT_LT(setup.registration().standard_uncertainty_m(), 2e-3);
   }
+  // A bound for stricter requirements than those of the drawing is none.
+  ASSERT_EQ(Run("plan joined.json --out bounded --evaluations-per-scan 100 --bound-evaluations 500 "
+                "--no-pictures --field-directions 576")
+                .first,
+            0);
+  const v1::ScanCountBound bound = Read<v1::Plan>("bounded/plan.json").uncertainty().bound();
+  EXPECT_FALSE(bound.converged());
+  EXPECT_THAT(bound.statement(), HasSubstr("a plan with fewer scans is possible"));
   Write("wrong.json", absl::StrReplaceAll(exact, {{R"("NONE")", R"("KNOWN_POSES")"}}));
   const auto [code, output] = Run("plan wrong.json --out wrong");
   EXPECT_EQ(code, 2);

@@ -416,7 +416,16 @@ v1::ExecutionBound BoundToProto(double value, bool converged, const std::string&
 void SetBound(const PlanningSession& session, ScanCountBoundResult bound, v1::Plan& plan) {
   const TargetBits& wanted = session.gain_model->measurable();
   const int64_t goal_targets = TargetsOfBounds(session, plan);
+  // The search leaves room for errors that scans share, so its bound is for stricter requirements.
+  const bool stricter = session.ForUncertainty() && HasSharedErrors(session.inspection);
+  if (stricter) bound.converged = false;
   LowerGoal(wanted, goal_targets, bound);
+  if (stricter) {
+    absl::StrAppend(
+        &bound.statement,
+        " The search leaves a tenth of the admissible uncertainty for errors that scans "
+        "share: a plan with fewer scans is possible.");
+  }
   v1::ScanCountBound& message = *(
       plan.has_uncertainty() ? plan.mutable_uncertainty()->mutable_bound() : plan.mutable_bound());
   message.set_scans(bound.bound);

@@ -101,8 +101,8 @@ std::string LimitsText(const TargetSampling& targets) {
   return text.empty() ? "none" : text;
 }
 
-// Part of the admissible uncertainty that the search may use up: errors that scans share follow from
-// the whole plan and are not known to it.
+// Part of the admissible uncertainty that the search may use up: errors that scans share follow
+// from the whole plan and are not known to it.
 constexpr float kSharedErrorMargin = 0.9F;
 
 absl::Status MakeGainModel(PlanningSession& session) {
