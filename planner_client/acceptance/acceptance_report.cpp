@@ -37,25 +37,30 @@ v1::ReportCell VerdictCell(const v1::AcceptanceQuantity& quantity) {
 ReportBlocks QuantityBlocks(const v1::AcceptanceResult& result) {
   std::vector<ReportCells> rows;
   for (const v1::AcceptanceQuantity& q : result.quantities()) {
-    rows.push_back({StrongCell(TitleOf(q), q.standard()), TextCell(q.artefact()),
-                    MicrometreCell(q.simulated_m()), MicrometreCell(q.predicted_m()),
-                    NumberCell(q.simulated_m() / q.predicted_m(),
-                               FixedNumber(q.simulated_m() / q.predicted_m(), 2)),
-                    q.has_permitted_m() ? MicrometreCell(q.permitted_m()) : TextCell(kNoValue),
-                    VerdictCell(q), TextCell(q.dominating_term())});
+    rows.push_back(
+        {StrongCell(TitleOf(q), q.standard()), TextCell(q.artefact()),
+         MicrometreCell(q.simulated_m()), MicrometreCell(q.predicted_m()),
+         NumberCell(q.simulated_m() / q.predicted_m(),
+                    FixedNumber(q.simulated_m() / q.predicted_m(), 2)),
+         NumberCell(100 * q.within_predicted(), FixedNumber(100 * q.within_predicted(), 1)),
+         q.has_permitted_m() ? MicrometreCell(q.permitted_m()) : TextCell(kNoValue), VerdictCell(q),
+         TextCell(q.dominating_term())});
   }
-  return {RemarkBlock(absl::StrCat(
-              "Simulated: 95 % of ", result.runs(),
-              " tests have an error of at most this magnitude. Each test draws other errors of "
-              "calibration and detection. Predicted: the same by the uncertainty model that plans "
-              "are made with. A quantity passes if its simulated error is at most the permitted "
-              "one.")),
-          TableBlock("Quantities of the acceptance test",
-                     {WordsColumn("quantity"), WordsColumn("artefact"),
-                      NumberColumn("simulated", "\u00b5m"), NumberColumn("predicted", "\u00b5m"),
-                      NumberColumn("simulated / predicted"), NumberColumn("permitted", "\u00b5m"),
-                      WordsColumn("verdict"), WordsColumn("largest cause")},
-                     rows)};
+  return {
+      RemarkBlock(absl::StrCat(
+          "Simulated: 95 % of ", result.runs(),
+          " tests have an error of at most this magnitude. Each test draws other errors of "
+          "calibration and detection. Predicted: the same by the uncertainty model that plans "
+          "are made with; about 95 % of the tests are within it if that model is right. A "
+          "quantity passes if its simulated error is at most the permitted "
+          "one.")),
+      TableBlock(
+          "Quantities of the acceptance test",
+          {WordsColumn("quantity"), WordsColumn("artefact"), NumberColumn("simulated", "\u00b5m"),
+           NumberColumn("predicted", "\u00b5m"), NumberColumn("simulated / predicted"),
+           NumberColumn("tests within predicted", "%"), NumberColumn("permitted", "\u00b5m"),
+           WordsColumn("verdict"), WordsColumn("largest cause")},
+          rows)};
 }
 
 // Causes as columns, quantities as rows.

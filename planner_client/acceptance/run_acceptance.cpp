@@ -106,6 +106,11 @@ void AddQuantity(const AcceptanceTask& task, const Test& test, const AcceptanceQ
   quantity->set_quantity(info.name);
   quantity->set_simulated_m(Magnitude95(simulated));
   quantity->set_predicted_m(prediction.magnitude_m);
+  const auto within = std::count_if(simulated.begin(), simulated.end(), [&](double error_m) {
+    return std::abs(error_m) <= prediction.magnitude_m;
+  });
+  quantity->set_within_predicted(static_cast<double>(within) /
+                                 static_cast<double>(simulated.size()));
   double sum = 0;
   for (const double error : simulated) sum += error;
   quantity->set_mean_m(sum / static_cast<double>(simulated.size()));

@@ -160,6 +160,34 @@ absl::Status WriteOutliers(const MeasuredPart& part, const fs::path& out) {
   return WritePlyPoints((out / "outliers.ply").string(), part.outliers_m, normals);
 }
 
+// The plan with the next scan after its own, which stay in their order since files of points are
+// named by their numbers. It has no poses or predictions: `sightline evaluate` states them.
+v1::Plan PlanWithNextScan(const InspectedPart& asked, const v1::NextScan& next) {
+  v1::Plan plan;
+  plan.set_inspection_name(asked.inspection.name);
+  plan.set_sightline_version(SIGHTLINE_VERSION);
+  plan.set_strategy(asked.plan.strategy());
+  plan.set_part_digest(asked.digest.Text());
+  for (const v1::PlannedScan& earlier : asked.plan.scans()) {
+    v1::PlannedScan& scan = *plan.add_scans();
+    scan.set_index(plan.scans_size());
+    *scan.mutable_measurement() = earlier.measurement();
+    if (earlier.has_setting()) *scan.mutable_setting() = earlier.setting();
+    scan.set_locked(true);
+  }
+  v1::PlannedScan& scan = *plan.add_scans();
+  scan.set_index(plan.scans_size());
+  *scan.mutable_measurement() = next.measurement();
+  return plan;
+}
+
+absl::Status WriteNextPlan(const InspectedPart& asked, const v1::InspectionResult& result,
+                           const fs::path& out) {
+  if (!result.has_next_scan()) return RemoveFiles(out.string(), {"next_plan.json"});
+  return WriteFileAtomically((out / "next_plan.json").string(),
+                             ToJson(PlanWithNextScan(asked, result.next_scan())) + "\n");
+}
+
 absl::Status WriteInspection(const InspectOptions& options, const InspectedPart& asked,
                              const MeasuredPart& part, const MeasuredSurface& surface,
                              const v1::InspectionResult& result) {
@@ -177,6 +205,7 @@ absl::Status WriteInspection(const InspectOptions& options, const InspectedPart&
   const auto report = InspectionReport(result, DeviationsToShow(surface, asked.requirements));
   if (!report.ok()) return report.status();
   if (absl::Status s = WriteReport(*report, (out / "report.html").string()); !s.ok()) return s;
+  if (absl::Status s = WriteNextPlan(asked, result, out); !s.ok()) return s;
   return WriteOutliers(part, out);
 }
 
@@ -211,6 +240,10 @@ void PrintInspection(const InspectOptions& options, const v1::InspectionResult& 
         next.measurement().triangulation_angle_deg(), next.measurement().camera_azimuth_deg(),
         next.measurement().camera_polar_deg(), next.measurement().part_alpha_deg(),
         next.measurement().part_beta_deg(), next.measurement().part_gamma_deg());
+  }
+  if (result.has_next_scan()) {
+    PrintText("next plan: %s, for `sightline evaluate`\n",
+              fs::absolute(fs::path(options.out) / "next_plan.json").string());
   }
   PrintText("measured: %s\nreport:   %s\n",
             fs::absolute(fs::path(options.out) / "measured.json").string(),
@@ -278,7 +311,8 @@ Command AddInspectCommand(CLI::App& app) {
                  "points that the scans have measured (PLY, PCD, CSV of profiles, depth rasters), "
                  "one file per scan: scan_NN.ply, or in the order of the scans")
       ->required();
-  app.add_option("--out", options->out, "folder for measured.json, report.html, results.qif, ...")
+  app.add_option("--out", options->out,
+                 "folder for measured.json, report.html, results.qif, next_plan.json, ...")
       ->required();
   AddRegistrationOptions(app, &options->measured);
   AddOtherPartOption(app, &options->plans.other_part);

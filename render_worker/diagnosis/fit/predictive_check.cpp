@@ -113,11 +113,4 @@ void AddTest(const PredictedGroup& test, PredictiveCheck* check) {
   check->groups.push_back(test);
 }
 
-double BayesFactorBound(double p_value) {
-  if (p_value >= 1 / std::numbers::e) return 1;
-  constexpr double kLeast = 1e-300;  // keeps the logarithm finite
-  const double p = std::max(p_value, kLeast);
-  return -1 / (std::numbers::e * p * std::log(p));
-}
-
 }  // namespace sightline

@@ -46,8 +46,4 @@ PredictiveCheck CheckPredictions(const SetModel& model, const FitResult& fit, co
 // combined by Bonferroni's correction.
 void AddTest(const PredictedGroup& test, PredictiveCheck* check);
 
-// Largest Bayes factor against a model that a p-value is compatible with: 1 / (-e p ln p) for
-// p < 1/e, else 1 (Sellke, Bayarri and Berger, Am. Stat. 55 (2001) 62).
-double BayesFactorBound(double p_value);
-
 }  // namespace sightline

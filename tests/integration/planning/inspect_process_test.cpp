@@ -97,8 +97,8 @@ TEST_F(InspectProcessTest, AGoodPartConformsAndADentIsFound) {
   EXPECT_THAT(Bytes("verdict/results.qif"), HasSubstr(">FAIL<"));
 }
 
-// Half of the top is missing: the scan that shows it is planned.
-TEST_F(InspectProcessTest, TheNextScanIsNamed) {
+// Half of the top is missing: the scan that shows it is planned, and decides.
+TEST_F(InspectProcessTest, TheNextScanIsNamedAndDecides) {
   const std::string name = "real/scan_01.ply";
   const auto cloud = LoadPoints(folder_ + "/plan/points/scan_01.ply");
   ASSERT_TRUE(cloud.ok()) << cloud.status();
@@ -120,6 +120,23 @@ TEST_F(InspectProcessTest, TheNextScanIsNamed) {
   EXPECT_GT(result.next_scan().settled_targets(), 0);
   EXPECT_GE(result.next_scan().open_targets(), result.next_scan().settled_targets());
   EXPECT_EQ(result.next_scan().features(0), "top");
+
+  const auto next = Read<v1::Plan>("verdict/next_plan.json");
+  ASSERT_EQ(next.scans_size(), scans_ + 1);
+  EXPECT_TRUE(next.scans(0).locked());
+  EXPECT_FALSE(next.scans(scans_).locked());
+  const auto evaluated =
+      Run("evaluate inspection.json verdict/next_plan.json --out plan_2 --no-pictures");
+  ASSERT_EQ(evaluated.first, 0) << evaluated.second;
+  ASSERT_EQ(Read<v1::Plan>("plan_2/plan.json").scans_size(), scans_ + 1);
+  const auto decided =
+      Run(absl::StrCat("inspect inspection.json --plan plan_2/plan.json --out verdict --measured ",
+                       name, " --measured plan_2/points/scan_0", scans_ + 1, ".ply"));
+  EXPECT_EQ(decided.first, 0) << decided.second;
+  EXPECT_EQ(Read<v1::InspectionResult>("verdict/measured.json").features(0).decision(),
+            Decision::CONFORMS)
+      << decided.second;
+  EXPECT_FALSE(std::filesystem::exists(folder_ + "/verdict/next_plan.json"));
 }
 
 TEST_F(InspectProcessTest, WrongInputIsNamed) {

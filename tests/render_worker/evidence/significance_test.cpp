@@ -3,11 +3,14 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 namespace sightline {
 namespace {
 
 TEST(Significance, GoldenValuesOfTheBound) {
-  // Sellke, Bayarri and Berger (2001), table 1: the bound for p = 0.05, 0.01 and 0.001.
+  // Sellke, Bayarri and Berger (2001), table 1: the bound for p = 0.1, 0.05, 0.01 and 0.001.
+  EXPECT_NEAR(1 / BayesFactorBound(0.1), 0.625, 2e-3);
   EXPECT_NEAR(1 / BayesFactorBound(0.05), 0.407, 5e-4);
   EXPECT_NEAR(1 / BayesFactorBound(0.01), 0.125, 5e-4);
   EXPECT_NEAR(1 / BayesFactorBound(0.001), 0.0188, 5e-5);
@@ -16,6 +19,7 @@ TEST(Significance, GoldenValuesOfTheBound) {
 TEST(Significance, NoEvidenceAgainstAModelThatIsNotRejected) {
   EXPECT_EQ(BayesFactorBound(1), 1);
   EXPECT_EQ(BayesFactorBound(0.4), 1);
+  EXPECT_TRUE(std::isfinite(BayesFactorBound(0)));
   EXPECT_NEAR(ProbabilityOfUnknown(1), 0.1, 1e-12);
 }
 

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "render_worker/diagnosis/fit/fit_quality.h"
+#include "render_worker/diagnosis/selection/stages/directed_test.h"
 #include "render_worker/diagnosis/selection/stages/stages.h"
 #include "render_worker/evidence/judgement.h"
 
@@ -75,7 +76,7 @@ ModelComparison HoldToPredictions(const Context& context, std::vector<Hypothesis
   ModelComparison result;
   result.null_check = CheckHypothesis(context, ranked[none]);
   result.named = ranked[named];
-  result.named_check = CheckHypothesis(context, ranked[named]);
+  result.named_check = CheckNamed(context, ranked[named]);
   const Judgement judgement = Judge(models, result.named_check.p_value);
   for (size_t h = 0; h < ranked.size(); ++h) ranked[h].probability = judgement.probability[h];
   if (judgement.remainder) {

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "render_worker/diagnosis/random_effect/compare_random_effects.h"
+#include "render_worker/diagnosis/selection/stages/directed_test.h"
 #include "render_worker/diagnosis/selection/stages/screen.h"
 #include "render_worker/diagnosis/selection/stages/stages.h"
 #include "render_worker/diagnosis/selection/thresholds.h"
@@ -39,7 +40,7 @@ const Hypothesis* BestSingle(const std::vector<Hypothesis>& hypotheses) {
 bool NamedIsRejected(const Context& context, const std::vector<Hypothesis>& hypotheses) {
   const auto named = std::find_if(hypotheses.begin(), hypotheses.end(),
                                   [](const Hypothesis& h) { return !IsFreeForm(h); });
-  return named == hypotheses.end() || CheckHypothesis(context, *named).p_value < kRejectedBelow;
+  return named == hypotheses.end() || CheckNamed(context, *named).p_value < kRejectedBelow;
 }
 
 StageResult AddSecondEffect(const Context& context, std::vector<Hypothesis> hypotheses) {

@@ -9,6 +9,7 @@
 
 #include "render_worker/diagnosis/fit/linear_fit.h"
 #include "render_worker/diagnosis/random_effect/compare_random_effects.h"
+#include "render_worker/diagnosis/selection/stages/directed_test.h"
 #include "render_worker/diagnosis/selection/stages/stages.h"
 #include "render_worker/diagnosis/selection/term_selection.h"
 #include "render_worker/diagnosis/selection/thresholds.h"
@@ -99,7 +100,7 @@ StageResult AddTermsBeside(const Context& context, std::vector<Hypothesis> hypot
   if (leading == nullptr || leading->log_evidence < thresholds::kPromising_nats) {
     return {std::move(hypotheses)};
   }
-  const bool rejected = CheckHypothesis(context, hypotheses.front()).p_value < kRejectedBelow;
+  const bool rejected = CheckNamed(context, hypotheses.front()).p_value < kRejectedBelow;
   if (!rejected && leading != hypotheses.data()) return {std::move(hypotheses)};
   const Hypothesis best = *leading;
   const LinearFit linear(best.fit);

@@ -18,16 +18,6 @@
 namespace sightline {
 namespace {
 
-TEST(BayesFactorBound, TableOfSellkeBayarriAndBerger) {
-  // Am. Stat. 55 (2001) 62, table 1: the odds -e p log p.
-  EXPECT_NEAR(1 / BayesFactorBound(0.1), 0.625, 0.002);
-  EXPECT_NEAR(1 / BayesFactorBound(0.05), 0.407, 0.001);
-  EXPECT_NEAR(1 / BayesFactorBound(0.01), 0.125, 0.001);
-  EXPECT_NEAR(1 / BayesFactorBound(0.001), 0.0188, 0.0001);
-  EXPECT_EQ(BayesFactorBound(0.5), 1);
-  EXPECT_TRUE(std::isfinite(BayesFactorBound(0)));
-}
-
 TEST(CheckPredictions, ATrueModelIsNotRejectedAndAnotherIs) {
   const RecordedSet right = RenderSmallSet({}, {}, 23);
   const SetModel model(right, {});
