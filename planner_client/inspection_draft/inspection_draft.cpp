@@ -10,13 +10,11 @@
 #include "absl/strings/str_format.h"
 #include "core/catalogue/combination.h"
 #include "core/inspection/inspection.h"
+#include "core/targets/poisson_disk.h"
 
 namespace sightline {
 namespace {
 
-// Poisson-disk samples of spacing d fill the plane with about this many points per d^2: discs of
-// diameter d cover about 0.7 of it.
-constexpr double kPointsPerSquare = 0.7 * 4 / std::numbers::pi;
 // Enough that plans change little with more (docs/proof.md), few enough for seconds.
 constexpr double kWishedTargets = 8000;
 // The schema's own ratio: 3 mm at a spacing of 5 mm.
@@ -287,7 +285,7 @@ bool NeedsPixelPitch(const DraftRequest& request) {
 }
 
 double SpacingFor(double area_m2) {
-  const double wished_m = std::sqrt(kPointsPerSquare * area_m2 / kWishedTargets);
+  const double wished_m = std::sqrt(kTargetsPerSpacing2 * area_m2 / kWishedTargets);
   const double power = std::pow(10.0, std::floor(std::log10(std::max(wished_m, 1e-9))));
   double best = power;
   for (const double mantissa : {1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0}) {
@@ -322,7 +320,7 @@ absl::StatusOr<InspectionDraft> DraftInspection(const DraftRequest& request) {
   targets.set_spacing_m(spacing_m);
   targets.set_coverage_radius_m(radius_m);
   const double expected =
-      std::max(1.0, kPointsPerSquare * request.health.area_m2 / (spacing_m * spacing_m));
+      std::max(1.0, kTargetsPerSpacing2 * request.health.area_m2 / (spacing_m * spacing_m));
   draft.expected_targets =
       std::llround(Round2(expected, std::pow(10.0, std::floor(std::log10(expected)) - 1)));
   comments["targets"] = absl::StrFormat(
