@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/acceptance/virtual_test.h"
 
-#include <Eigen/Eigenvalues>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <optional>
@@ -9,6 +9,7 @@
 #include "core/laser_line/line_quality.h"
 #include "core/parallel/for_each_index.h"
 #include "core/random/counter_random.h"
+#include "core/statistics/covariance_root.h"
 
 namespace sightline {
 namespace {
@@ -29,24 +30,9 @@ constexpr ErrorGroup kCalibrationGroups[] = {
     {"focal length", kFocalLengthError, 1}, {"principal point", kPrincipalX, 2}};
 constexpr char kDetection[] = "line detection";
 
-// Root of a covariance with variables of different units.
-MatrixXd CovarianceRoot(const TriangulationCovariance& covariance) {
-  const TriangulationErrors deviation = covariance.diagonal().cwiseMax(0).cwiseSqrt();
-  TriangulationCovariance correlation = TriangulationCovariance::Zero();
-  for (int i = 0; i < kTriangulationVariables; ++i) {
-    for (int j = 0; j < kTriangulationVariables; ++j) {
-      const double scale = deviation[i] * deviation[j];
-      if (scale > 0) correlation(i, j) = covariance(i, j) / scale;
-    }
-  }
-  const Eigen::SelfAdjointEigenSolver<TriangulationCovariance> solver(correlation);
-  return deviation.asDiagonal() * solver.eigenvectors() *
-         solver.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal();
-}
-
 TriangulationErrors DrawErrors(const MatrixXd& root, CounterRandom& random) {
-  TriangulationErrors standard;
-  for (int i = 0; i < kTriangulationVariables; ++i) standard[i] = random.Normal();
+  VectorXd standard(root.cols());
+  for (double& x : standard) x = random.Normal();
   return root * standard;
 }
 

@@ -15,6 +15,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "core/random/counter_random.h"
+#include "core/statistics/covariance_root.h"
 
 namespace sightline {
 namespace {
@@ -217,47 +218,27 @@ absl::Status BadTarget(size_t i, absl::string_view problem) {
   return absl::InvalidArgumentError(absl::StrCat("feature target ", i, ": ", problem));
 }
 
-// Root L of a covariance, L L' = C, without columns for variables that do not vary. Taken from the
-// correlations, because the variables' units differ by orders of magnitude. Not semidefinite:
-// error.
+// CovarianceRoot of a valid covariance.
 absl::StatusOr<MatrixXd> Root(const CalibrationCovariance& c, const std::string& field) {
   if (!c.allFinite() || !c.isApprox(c.transpose(), 1e-9)) {
     return absl::InvalidArgumentError(absl::StrCat(field, " is not finite and symmetric"));
   }
-  std::vector<int> varying;
   for (int i = 0; i < kCalibrationVariables; ++i) {
     if (c(i, i) < 0) {
       return absl::InvalidArgumentError(
           absl::StrCat(field, ": variance ", i, " is ", c(i, i), ", must not be negative"));
     }
-    if (c(i, i) > 0) {
-      varying.push_back(i);
-    } else if (c.row(i).cwiseAbs().maxCoeff() > 0) {
+    if (c(i, i) == 0 && c.row(i).cwiseAbs().maxCoeff() > 0) {
       return absl::InvalidArgumentError(
           absl::StrCat(field, ": variable ", i, " has covariances but no variance"));
     }
   }
-  const auto n = static_cast<Eigen::Index>(varying.size());
-  if (n == 0) return MatrixXd(kCalibrationVariables, 0);
-  MatrixXd correlation(n, n);
-  for (Eigen::Index i = 0; i < n; ++i) {
-    for (Eigen::Index j = 0; j < n; ++j) {
-      const int a = varying[i], b = varying[j];
-      correlation(i, j) = c(a, b) / std::sqrt(c(a, a) * c(b, b));
-    }
-  }
-  // Pivoted P' L D L' P, which needs no definite matrix.
-  const Eigen::LDLT<MatrixXd> factors(correlation);
-  if (factors.info() != Eigen::Success || factors.vectorD().minCoeff() < -1e-9) {
+  const MatrixXd root = CovarianceRoot(c);
+  // A root leaves negative eigenvalues out, so that its square then differs.
+  const VectorXd deviation = c.diagonal().cwiseSqrt();
+  const MatrixXd difference = (root * root.transpose() - c).cwiseAbs();
+  if ((difference.array() > 1e-9 * (deviation * deviation.transpose()).array()).any()) {
     return absl::InvalidArgumentError(absl::StrCat(field, " is not positive semidefinite"));
-  }
-  const MatrixXd lower = factors.matrixL();
-  const VectorXd diagonal = factors.vectorD().cwiseMax(0).cwiseSqrt();
-  const MatrixXd correlation_root =
-      factors.transpositionsP().transpose() * MatrixXd(lower * diagonal.asDiagonal());
-  MatrixXd root = MatrixXd::Zero(kCalibrationVariables, n);
-  for (Eigen::Index i = 0; i < n; ++i) {
-    root.row(varying[i]) = std::sqrt(c(varying[i], varying[i])) * correlation_root.row(i);
   }
   return root;
 }

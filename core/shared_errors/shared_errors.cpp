@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "core/part/point_index.h"
+#include "core/statistics/covariance_root.h"
 
 namespace sightline {
 namespace {
@@ -18,27 +19,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::RowVectorXd;
 using Eigen::VectorXd;
-
-// Root L of a covariance, L L' = C, without columns for directions of no variance. Taken from the
-// correlations, because the variables' units differ by orders of magnitude.
-MatrixXd RootOf(const MatrixXd& covariance) {
-  const VectorXd deviation = covariance.diagonal().cwiseMax(0).cwiseSqrt();
-  const VectorXd inverse = deviation.unaryExpr([](double s) { return s > 0 ? 1 / s : 0; });
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(inverse.asDiagonal() * covariance *
-                                                      inverse.asDiagonal());
-  // Eigenvalues of a correlation add up to its size; smaller ones are rounding.
-  const double least = 1e-12 * static_cast<double>(covariance.rows());
-  std::vector<Index> kept;
-  for (Index i = 0; i < covariance.rows(); ++i) {
-    if (eigen.eigenvalues()[i] > least) kept.push_back(i);
-  }
-  MatrixXd root(covariance.rows(), static_cast<Index>(kept.size()));
-  for (size_t k = 0; k < kept.size(); ++k) {
-    root.col(static_cast<Index>(k)) = deviation.cwiseProduct(eigen.eigenvectors().col(kept[k])) *
-                                      std::sqrt(eigen.eigenvalues()[kept[k]]);
-  }
-  return root;
-}
 
 bool UsesOverlap(RegistrationMethod method) {
   return method == RegistrationMethod::kBestFit || method == RegistrationMethod::kDatumFeatures;
@@ -73,9 +53,10 @@ SharedErrors::SharedErrors(SharedErrorsInput input) : input_(std::move(input)) {
                              scan.information[i] / sum[t]};
     }
   }
-  place_root_ = RootOf(input_.calibration.topLeftCorner<kPlaceVariables, kPlaceVariables>());
+  place_root_ =
+      CovarianceRoot(input_.calibration.topLeftCorner<kPlaceVariables, kPlaceVariables>());
   constexpr int kLens = kCalibrationVariables - kPlaceVariables;
-  lens_root_ = RootOf(input_.calibration.bottomRightCorner<kLens, kLens>());
+  lens_root_ = CovarianceRoot(input_.calibration.bottomRightCorner<kLens, kLens>());
   Register();
 }
 
@@ -231,7 +212,7 @@ void SharedErrors::Register() {
       for (Index f = 0; f < unknowns / 6; ++f) response_.middleRows<6>(6 * f) -= of_calibration;
     }
   }
-  pose_root_ = RootOf(covariance);
+  pose_root_ = CovarianceRoot(covariance);
 
   for (uint32_t t = 0; t < input_.positions_m.size(); ++t) {
     const Row6 a = PoseRow(t);

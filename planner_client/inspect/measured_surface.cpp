@@ -1,26 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "planner_client/inspect/measured_surface.h"
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 
+#include "core/statistics/covariance_root.h"
 #include "core/targets/poisson_disk.h"
 
 namespace sightline {
-namespace {
-
-// L with L L' = covariance; rounding may have made an eigenvalue negative.
-Eigen::Matrix<double, 6, 6> RootOf(const PoseCovariance& covariance, const PosePrior& prior) {
-  // Angles and lengths in units of their priors, so that eigenvectors do not mix units.
-  const PoseVector units = prior.StandardDeviations();
-  const PoseCovariance scaled =
-      units.cwiseInverse().asDiagonal() * covariance * units.cwiseInverse().asDiagonal();
-  const Eigen::SelfAdjointEigenSolver<PoseCovariance> eigen(scaled);
-  const PoseVector roots = eigen.eigenvalues().cwiseMax(0).cwiseSqrt();
-  return units.asDiagonal() * eigen.eigenvectors() * roots.asDiagonal();
-}
-
-}  // namespace
 
 PlanKnowledge MeasuredSurface::Knowledge() const {
   PlanKnowledge knowledge;
@@ -55,7 +41,7 @@ absl::StatusOr<MeasuredSurface> EstimateSurface(const TriangleMesh& model,
         surface.targets.positions_m[i].cast<double>() - part.registration.pose.centre_m;
     by_pose.row(t) << arm.cross(normal).transpose(), normal.transpose();
   }
-  surface.pose_deviations_m = by_pose * RootOf(part.registration.covariance, PosePrior{});
+  surface.pose_deviations_m = by_pose * CovarianceRoot(part.registration.covariance);
   return surface;
 }
 
