@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cstddef>
-#include <iterator>
 #include <string>
 #include <vector>
 
@@ -13,7 +12,6 @@
 #include "render_worker/diagnosis/selection/stages/stages.h"
 #include "render_worker/diagnosis/selection/stages/term_columns.h"
 #include "render_worker/diagnosis/selection/thresholds.h"
-#include "render_worker/effects/stage_name.h"
 #include "render_worker/evidence/judgement.h"
 
 namespace sightline {
@@ -39,29 +37,41 @@ Eigen::MatrixXd ErrorOfChange(const Context& context, const FitResult& fit) {
   return error;
 }
 
+// Whitened changes by one prior scale of each of the term's coefficients, in columns.
+Eigen::MatrixXd ChangesBy(const Effect& term, const std::vector<TermColumn>& columns,
+                          const LinearFit& linear) {
+  Eigen::MatrixXd changes(linear.residual().size(), 0);
+  for (const TermColumn& column : columns) {
+    if (column.term != &term) continue;
+    changes.conservativeResize(Eigen::NoChange, changes.cols() + 1);
+    changes.rightCols<1>() = linear.Change(column.mean) / thresholds::kTermProbe;
+  }
+  return changes;
+}
+
 }  // namespace
 
-PredictedGroup TestAlongStages(const Context& context, const Hypothesis& hypothesis) {
+PredictedGroup TestAlongTerms(const Context& context, const Hypothesis& hypothesis) {
   PredictedGroup least;
   if (!hypothesis.realised.empty() || !hypothesis.phases_rad.empty()) return least;
   const FitResult& fit = hypothesis.fit;
   const LinearFit linear(fit);
   const Eigen::MatrixXd error = ErrorOfChange(context, fit);
+  int tests = 0;
   for (const Stage stage : kStages) {
     const std::vector<TermColumn> columns = TermColumnsOf(context, fit.parameters, stage);
-    Eigen::MatrixXd directions(linear.residual().size(), static_cast<Eigen::Index>(columns.size()));
-    for (size_t k = 0; k < columns.size(); ++k) {
-      directions.col(static_cast<Eigen::Index>(k)) =
-          linear.Change(columns[k].mean) / thresholds::kTermProbe;
+    for (const Effect* term : TermsOf(columns)) {
+      const ScoreTest test = TestDirections(linear, ChangesBy(*term, columns, linear), error);
+      if (test.degrees_of_freedom == 0) continue;
+      ++tests;
+      if (test.p_value > least.p_value) continue;
+      least.name = absl::StrCat("along ", std::string(term->description().id));
+      least.chi_squared = test.chi_squared;
+      least.degrees_of_freedom = test.degrees_of_freedom;
+      least.p_value = test.p_value;
     }
-    const ScoreTest test = TestDirections(linear, directions, error);
-    if (test.p_value >= least.p_value) continue;
-    least.name = absl::StrCat("discrepancies of stage ", StageName(stage));
-    least.chi_squared = test.chi_squared;
-    least.degrees_of_freedom = test.degrees_of_freedom;
-    least.p_value = test.p_value;
   }
-  least.p_value = std::min(1.0, least.p_value * static_cast<double>(std::size(kStages)));
+  least.p_value = std::min(1.0, least.p_value * tests);
   return least;
 }
 
@@ -70,7 +80,7 @@ PredictiveCheck CheckNamed(const Context& context, const Hypothesis& hypothesis)
   if (hypothesis.effects.empty() || IsFreeForm(hypothesis) || check.p_value < kRejectedBelow) {
     return check;
   }
-  const PredictedGroup directed = TestAlongStages(context, hypothesis);
+  const PredictedGroup directed = TestAlongTerms(context, hypothesis);
   if (directed.degrees_of_freedom > 0) AddTest(directed, &check);
   return check;
 }

@@ -36,12 +36,12 @@ PValues Test(const std::vector<ActiveEffect>& also, uint64_t seed) {
   const std::function<bool(double)> go_on = [](double) { return true; };
   const Context context = MakeContext(model, FitNull(model), settings, go_on);
   Hypothesis named = FitFromNominal(context, MakeHypothesis({TrueGlare()}));
-  return {CheckHypothesis(context, named).p_value, TestAlongStages(context, named).p_value};
+  return {CheckHypothesis(context, named).p_value, TestAlongTerms(context, named).p_value};
 }
 
-TEST(TestAlongStages, DoesNotRejectTheTrueEffect) { EXPECT_GT(Test({}, 71).directed, 0.01); }
+TEST(TestAlongTerms, DoesNotRejectTheTrueEffect) { EXPECT_GT(Test({}, 71).directed, 0.01); }
 
-TEST(TestAlongStages, FindsWhatATestOverAllNumbersMisses) {
+TEST(TestAlongTerms, FindsWhatATestOverAllNumbersMisses) {
   ActiveEffect cells = AtNullValues(*FindFreeFormTerm("unknown.cell_gain"));
   cells.parameters[0] = 0.01;
   const PValues found = Test({cells}, 72);
