@@ -3,6 +3,8 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
+#include <numbers>
 #include <string>
 #include <vector>
 
@@ -73,6 +75,16 @@ double LinearThroughKnots(const Knots& knots, Effect::Parameters values, double 
     return (1 - t) * values[k - 1] + t * values[k];
   }
   return values.back();
+}
+
+// Sum over k of c_2k cos(2 pi (n + k) x) + c_2k+1 sin(2 pi (n + k) x), n the first harmonic.
+inline double FourierSeries(double x, int first_harmonic, Effect::Parameters coefficients) {
+  double sum = 0;
+  for (size_t i = 0; i + 1 < coefficients.size(); i += 2) {
+    const double phase = 2 * std::numbers::pi * (first_harmonic + static_cast<double>(i / 2)) * x;
+    sum += coefficients[i] * std::cos(phase) + coefficients[i + 1] * std::sin(phase);
+  }
+  return sum;
 }
 
 // As many independent patterns of equal mean for every one there is; 1 or more, at most 64.

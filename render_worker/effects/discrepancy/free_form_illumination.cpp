@@ -4,6 +4,8 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <string_view>
+#include <vector>
 
 #include "core/physics/constants.h"
 #include "render_worker/effects/discrepancy/free_form_effect.h"
@@ -197,6 +199,47 @@ class AlongLineTerm final : public FreeFormEffect {
   }
 };
 
+// Interference, dust and facets of the line lens modulate the line along its fan, finer than the
+// polynomials of unknown.along_line.
+class FineAlongLineTerm final : public FreeFormEffect {
+ public:
+  FineAlongLineTerm()
+      : FreeFormEffect(
+            "multiplicative_light",
+            {.id = "unknown.fine_along_line",
+             .stage = Stage::kIllumination,
+             .summary = "irradiance along the line of length L times 1 + sum over k from 2 to 7 of "
+                        "a_k cos(2 pi k X/L) + b_k sin(2 pi k X/L), X 0 in the middle",
+             .reference = "thesis 5.3.1 (laser lines)",
+             .parameters = {Harmonic("cosine_2"), Harmonic("sine_2"), Harmonic("cosine_3"),
+                            Harmonic("sine_3"), Harmonic("cosine_4"), Harmonic("sine_4"),
+                            Harmonic("cosine_5"), Harmonic("sine_5"), Harmonic("cosine_6"),
+                            Harmonic("sine_6"), Harmonic("cosine_7"), Harmonic("sine_7")}}) {}
+
+  void OnPlate(PlateScene& scene, const FrameSetup& frame, Parameters p) const override {
+    if (IsNull(p)) return;  // the line stays constant along X
+    const double length =
+        2 * frame.plate.laser_distance_m * std::tan(frame.laser.fan_angle_rad / 2);
+    scene.constant_along_line = false;
+    scene.laser_irradiance_w_m2 = [length, c = std::vector<double>(p.begin(), p.end()),
+                                   before = std::move(scene.laser_irradiance_w_m2)](double x_m,
+                                                                                    double s_m) {
+      return std::max(0.0, 1 + FourierSeries(x_m / length, kFirstHarmonic, c)) * before(x_m, s_m);
+    };
+  }
+
+  Axes CurveAxes() const override {
+    return {"place_over_length", "irradiance_factor", EvenlySpaced(-0.5, 0.5, 97)};
+  }
+  double CurveAt(double x, Parameters p) const override {
+    return 1 + FourierSeries(x, kFirstHarmonic, p);
+  }
+
+ private:
+  static constexpr int kFirstHarmonic = 2;
+  static EffectParameter Harmonic(std::string_view name) { return Coefficient(name, 0.5, 0.02); }
+};
+
 class PowerCourseTerm final : public FreeFormEffect {
  public:
   PowerCourseTerm()
@@ -327,11 +370,12 @@ std::vector<const FreeFormEffect*> IlluminationTerms() {
   static const BeamFootTerm beam_foot;
   static const BeamLobesTerm beam_lobes;
   static const AlongLineTerm along_line;
+  static const FineAlongLineTerm fine_along_line;
   static const PowerCourseTerm power_course;
   static const PowerScatterTerm power_scatter;
   static const OtherLightTerm other_light;
   static const CoherenceTerm coherence;
-  return {&beam,         &beam_foot,     &beam_lobes,  &along_line,
+  return {&beam,         &beam_foot,     &beam_lobes,  &along_line, &fine_along_line,
           &power_course, &power_scatter, &other_light, &coherence};
 }
 

@@ -196,6 +196,37 @@ class WavefrontTerm final : public FreeFormEffect {
   }
 };
 
+// Lens and mount warm up, and the focus creeps.
+class FocusCourseTerm final : public FreeFormEffect {
+ public:
+  FocusCourseTerm()
+      : FreeFormEffect(
+            "time_course",
+            {.id = "unknown.focus_course",
+             .stage = Stage::kOptics,
+             .summary = "focus distance times 1 + c, c piecewise linear in the time since "
+                        "switching on",
+             .reference = "Yoder, Mounting Optics in Optical Instruments, 2nd ed. "
+                          "(2008), chapter 14 (temperature)",
+             .parameters = {Coefficient("focus_relative_at_30_s", 0.5, 0.03),
+                            Coefficient("focus_relative_at_300_s", 0.5, 0.03),
+                            Coefficient("focus_relative_at_900_s", 0.5, 0.03),
+                            Coefficient("focus_relative_at_1800_s", 0.5, 0.03)}}) {}
+
+  void OnFrame(FrameSetup& frame, Parameters p) const override {
+    frame.lens.focus_distance_m =
+        frame.lens.focus_distance_m.value() * CurveAt(frame.timestamp_s, p);
+  }
+
+  Axes CurveAxes() const override {
+    return {"timestamp_s", "focus_distance_factor", EvenlySpaced(0, 2000, 81)};
+  }
+  double CurveAt(double timestamp_s, Parameters p) const override {
+    static constexpr std::array<double, 4> kKnots_s = {30, 300, 900, 1800};
+    return std::max(0.1, 1 + LinearThroughKnots(kKnots_s, p, timestamp_s));
+  }
+};
+
 class FocusCurvatureTerm final : public FreeFormEffect {
  public:
   FocusCurvatureTerm()
@@ -428,14 +459,16 @@ std::vector<const FreeFormEffect*> OpticsTerms() {
   static const OneSidedHaloTerm one_sided_halo;
   static const DisplacedImagesTerm displaced_images;
   static const WavefrontTerm wavefront;
+  static const FocusCourseTerm focus_course;
   static const FocusCurvatureTerm focus_curvature;
   static const ApertureTerm aperture;
   static const FieldTerm field;
   static const PupilCutTerm pupil_cut;
   static const DistortionTerm distortion;
   static const SpeckleAveragingTerm speckle_averaging;
-  return {&halo,     &one_sided_halo, &displaced_images, &wavefront,  &focus_curvature,
-          &aperture, &field,          &pupil_cut,        &distortion, &speckle_averaging};
+  return {&halo,         &one_sided_halo,  &displaced_images, &wavefront,
+          &focus_course, &focus_curvature, &aperture,         &field,
+          &pupil_cut,    &distortion,      &speckle_averaging};
 }
 
 }  // namespace sightline

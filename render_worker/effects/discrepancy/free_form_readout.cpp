@@ -3,6 +3,7 @@
 // pixels far out of line, codes that do not occur.
 #include <array>
 #include <cmath>
+#include <vector>
 
 #include "core/random/counter_random.h"
 #include "render_worker/effects/discrepancy/free_form_effect.h"
@@ -135,6 +136,47 @@ class RowMemoryTerm final : public FreeFormEffect {
   static constexpr double kShort_rows = 8, kLong_rows = 64;
 };
 
+// A column's chain of amplifiers follows the signal with a delay: part of the difference from the
+// pixels read before stays, and a part that grows with their charge where the chain is limited in
+// speed.
+class ReadoutLagTerm final : public FreeFormEffect {
+ public:
+  ReadoutLagTerm()
+      : FreeFormEffect(
+            "response",
+            {.id = "unknown.readout_lag",
+             .stage = Stage::kSensor,
+             .summary = "every pixel gains parts a and b of the difference from the fading means "
+                        "of the 1 and 4 pixels read before it in its column, and parts c and d of "
+                        "these over full scale",
+             .reference = "EMVA 1288 R4.0 Linear, section 2.1 (pixels independent)",
+             .parameters = {Coefficient("part_of_1_row", 0.5, 5e-3),
+                            Coefficient("part_of_4_rows", 0.5, 5e-3),
+                            Coefficient("part_of_1_row_at_full_scale", 0.5, 0.02),
+                            Coefficient("part_of_4_rows_at_full_scale", 0.5, 0.02)}}) {}
+
+  void OnElectrons(Image<double>& electrons, const FrameSetup& frame, Parameters p) const override {
+    if (IsNull(p) || electrons.rows_px == 0) return;
+    const double per_full =
+        frame.sensor.gain_dn_per_electron / static_cast<double>(frame.sensor.largest_dn());
+    std::vector<double> before(electrons.Row(0), electrons.Row(0) + electrons.columns_px);
+    std::vector<double> fading = before;
+    for (int i = 0; i < electrons.rows_px; ++i) {
+      double* row = electrons.Row(i);
+      for (size_t j = 0; j < before.size(); ++j) {
+        const double here = row[j];
+        row[j] += (p[0] + p[2] * per_full * before[j]) * (before[j] - here) +
+                  (p[1] + p[3] * per_full * fading[j]) * (fading[j] - here);
+        before[j] = here;
+        fading[j] += (here - fading[j]) / kFading_rows;
+      }
+    }
+  }
+
+ private:
+  static constexpr double kFading_rows = 4;
+};
+
 class CodesTerm final : public FreeFormEffect {
  public:
   CodesTerm()
@@ -171,8 +213,9 @@ std::vector<const FreeFormEffect*> ReadoutTerms() {
   static const NoiseTerm noise;
   static const LineNoiseTerm line_noise;
   static const RowMemoryTerm row_memory;
+  static const ReadoutLagTerm readout_lag;
   static const CodesTerm codes;
-  return {&pixel_tail, &noise, &line_noise, &row_memory, &codes};
+  return {&pixel_tail, &noise, &line_noise, &readout_lag, &row_memory, &codes};
 }
 
 }  // namespace sightline

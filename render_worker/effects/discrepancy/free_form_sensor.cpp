@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "render_worker/effects/discrepancy/free_form_effect.h"
@@ -200,24 +201,13 @@ class CellGainTerm final : public FreeFormEffect {
 };
 
 // Blocks of columns that were exposed, ground or read out in turn differ in sensitivity. A Fourier
-// series describes any such pattern, wherever the region lies on the sensor.
+// series describes any such pattern, wherever the region lies on the sensor. Two terms share its
+// harmonics, so that each has as many coefficients as can be selected.
 class ColumnSensitivityTerm final : public FreeFormEffect {
  public:
-  ColumnSensitivityTerm()
-      : FreeFormEffect(
-            "multiplicative_light",
-            {.id = "unknown.column_sensitivity",
-             .stage = Stage::kSensor,
-             .finer_than_block = true,
-             .summary = "light of column j times 1 + sum over k of a_k cos(2 pi k j/512) "
-                        "+ b_k sin(2 pi k j/512), j from the principal point",
-             .reference = "EMVA 1288 R4.0 Linear, section 4 (column non-uniformity)",
-             .parameters = {Harmonic("cosine_1"), Harmonic("sine_1"), Harmonic("cosine_2"),
-                            Harmonic("sine_2"), Harmonic("cosine_3"), Harmonic("sine_3"),
-                            Harmonic("cosine_4"), Harmonic("sine_4"), Harmonic("cosine_5"),
-                            Harmonic("sine_5"), Harmonic("cosine_6"), Harmonic("sine_6"),
-                            Harmonic("cosine_7"), Harmonic("sine_7"), Harmonic("cosine_8"),
-                            Harmonic("sine_8")}}) {}
+  ColumnSensitivityTerm(int first_harmonic, EffectDescription description)
+      : FreeFormEffect("multiplicative_light", std::move(description)),
+        first_harmonic_(first_harmonic) {}
 
   void OnPixelIrradiance(PixelIrradiance& light, const FrameSetup&, Parameters p) const override {
     if (IsNull(p)) return;
@@ -231,23 +221,53 @@ class ColumnSensitivityTerm final : public FreeFormEffect {
   }
 
   Axes CurveAxes() const override {
-    return {"column_px_modulo_512", "light_factor", EvenlySpaced(0, kPeriod_px, 65)};
+    return {"column_px_modulo_512", "light_factor", EvenlySpaced(0, kPeriod_px, 129)};
   }
   double CurveAt(double column_px, Parameters p) const override {
-    double factor = 1;
-    for (size_t i = 0; i < p.size(); i += 2) {
-      const double phase =
-          2 * std::numbers::pi * static_cast<double>(i / 2 + 1) * column_px / kPeriod_px;
-      factor += p[i] * std::cos(phase) + p[i + 1] * std::sin(phase);
-    }
-    return factor;
+    return 1 + FourierSeries(column_px / kPeriod_px, first_harmonic_, p);
   }
 
  private:
   // Longer than a region of the recordings format is wide, so that a pattern need not repeat in it.
   static constexpr double kPeriod_px = 512;
-  static EffectParameter Harmonic(std::string_view name) { return Coefficient(name, 0.5, 5e-3); }
+  int first_harmonic_;
 };
+
+EffectParameter ColumnHarmonic(std::string_view name) { return Coefficient(name, 0.5, 5e-3); }
+
+EffectDescription CoarseColumns() {
+  return {.id = "unknown.column_sensitivity",
+          .stage = Stage::kSensor,
+          .finer_than_block = true,
+          .summary =
+              "light of column j times 1 + sum over k of a_k cos(2 pi k j/512) "
+              "+ b_k sin(2 pi k j/512), j from the principal point",
+          .reference = "EMVA 1288 R4.0 Linear, section 4 (column non-uniformity)",
+          .parameters = {
+              ColumnHarmonic("cosine_1"), ColumnHarmonic("sine_1"), ColumnHarmonic("cosine_2"),
+              ColumnHarmonic("sine_2"), ColumnHarmonic("cosine_3"), ColumnHarmonic("sine_3"),
+              ColumnHarmonic("cosine_4"), ColumnHarmonic("sine_4"), ColumnHarmonic("cosine_5"),
+              ColumnHarmonic("sine_5"), ColumnHarmonic("cosine_6"), ColumnHarmonic("sine_6"),
+              ColumnHarmonic("cosine_7"), ColumnHarmonic("sine_7"), ColumnHarmonic("cosine_8"),
+              ColumnHarmonic("sine_8")}};
+}
+
+EffectDescription FineColumns() {
+  return {.id = "unknown.fine_column_sensitivity",
+          .stage = Stage::kSensor,
+          .finer_than_block = true,
+          .summary =
+              "light of column j times 1 + sum over k from 9 to 16 of "
+              "a_k cos(2 pi k j/512) + b_k sin(2 pi k j/512), j from the principal point",
+          .reference = "EMVA 1288 R4.0 Linear, section 4 (column non-uniformity)",
+          .parameters = {
+              ColumnHarmonic("cosine_9"), ColumnHarmonic("sine_9"), ColumnHarmonic("cosine_10"),
+              ColumnHarmonic("sine_10"), ColumnHarmonic("cosine_11"), ColumnHarmonic("sine_11"),
+              ColumnHarmonic("cosine_12"), ColumnHarmonic("sine_12"), ColumnHarmonic("cosine_13"),
+              ColumnHarmonic("sine_13"), ColumnHarmonic("cosine_14"), ColumnHarmonic("sine_14"),
+              ColumnHarmonic("cosine_15"), ColumnHarmonic("sine_15"), ColumnHarmonic("cosine_16"),
+              ColumnHarmonic("sine_16")}};
+}
 
 // Charge that flows between neighbouring pixels of the region; the sum stays. `between_rows` and
 // `between_columns` tell what flows from one pixel to the other.
@@ -387,14 +407,24 @@ std::vector<const FreeFormEffect*> SensorTerms() {
   static const ResponseLawTerm response_law;
   static const ColourTerm colour;
   static const CellGainTerm cell_gain;
-  static const ColumnSensitivityTerm column_sensitivity;
+  static const ColumnSensitivityTerm column_sensitivity(1, CoarseColumns());
+  static const ColumnSensitivityTerm fine_column_sensitivity(9, FineColumns());
   static const DarkSignalTerm dark_signal;
   static const ChargeSpreadTerm charge_spread;
   static const ChargeFlowTerm charge_flow;
   static const ColumnTrailTerm column_trail;
   static const MemoryTerm memory;
-  return {&column_sensitivity, &charge_spread, &charge_flow,  &column_trail, &memory, &colour,
-          &cell_gain,          &dark_signal,   &response_law, &response};
+  return {&column_sensitivity,
+          &fine_column_sensitivity,
+          &charge_spread,
+          &charge_flow,
+          &column_trail,
+          &memory,
+          &colour,
+          &cell_gain,
+          &dark_signal,
+          &response_law,
+          &response};
 }
 
 }  // namespace sightline
