@@ -26,7 +26,8 @@ ScoreTest TestDirections(const LinearFit& linear, const Eigen::MatrixXd& directi
   if (tested.empty()) return test;
   const Eigen::VectorXd scale = axes.eigenvalues()(tested).cwiseSqrt().cwiseInverse();
   const Eigen::MatrixXd turned = axes.eigenvectors()(Eigen::all, tested) * scale.asDiagonal();
-  const Eigen::VectorXd score = turned.transpose() * (directions.transpose() * linear.residual());
+  const Eigen::VectorXd score =
+      turned.transpose() * (directions.transpose() * linear.ResidualAtBest());
   const Eigen::MatrixXd error = turned.transpose() * (projected.transpose() * model_error);
   Eigen::MatrixXd covariance = Eigen::MatrixXd::Identity(score.size(), score.size());
   covariance.noalias() += error * error.transpose();

@@ -94,6 +94,18 @@ TEST(TestDirections, FindsADepartureAlongADirectionAndNoneAlongAParameter) {
   EXPECT_EQ(absorbed.p_value, 1);
 }
 
+TEST(TestDirections, DoesNotDependOnWhereTheFitHasStopped) {
+  CounterRandom random(19, 0);
+  const LinearModel model(&random);
+  const FitResult fit = model.FitTo(Eigen::VectorXd::Zero(kNumbers), &random);
+  FitResult stopped = fit;
+  const Eigen::VectorXd short_of = 0.5 * NormalMatrix(kParameters, 1, &random);
+  stopped.standardised -= short_of;
+  stopped.residual[0] += model.jacobian * short_of;
+  EXPECT_NEAR(TestDirections(LinearFit(stopped), model.directions, {kNumbers, 0}).chi_squared,
+              TestDirections(LinearFit(fit), model.directions, {kNumbers, 0}).chi_squared, 1e-8);
+}
+
 TEST(TestDirections, DoesNotDependOnHowDirectionsAreCombined) {
   CounterRandom random(17, 0);
   const LinearModel model(&random);
