@@ -369,6 +369,35 @@ TEST(FreeForm, FlowAlikeInBothDirectionsIsBrighterFatter) {
   EXPECT_NE(by_term.values, electrons.values);
 }
 
+TEST(FreeForm, ReadoutLagFollowsAStepAndLeavesAnEvenFieldAlone) {
+  const FrameSetup frame = NominalFrame();
+  const std::vector<double> parts = {0.1, 0.02, 0.05, 0.03};
+  const Effect& term = Term("unknown.readout_lag");
+  Image<double> even(40, 3, 800.0);
+  term.OnElectrons(even, frame, parts);
+  for (const double electrons : even.values) EXPECT_EQ(electrons, 800.0);
+  // A step upwards: what is read after it lags behind, less and less.
+  Image<double> step(40, 1, 100.0);
+  for (int row = 10; row < 40; ++row) step.At(row, 0) = 2000;
+  term.OnElectrons(step, frame, parts);
+  EXPECT_EQ(step.At(9, 0), 100.0);
+  for (int row = 10; row < 39; ++row) {
+    EXPECT_LT(step.At(row, 0), 2000) << row;
+    EXPECT_LT(step.At(row, 0), step.At(row + 1, 0)) << row;
+  }
+  EXPECT_NEAR(step.At(39, 0), 2000, 1);
+}
+
+TEST(FreeForm, FineColumnsContinueTheHarmonicsOfTheCoarseOnes) {
+  const auto& coarse = dynamic_cast<const FreeFormEffect&>(Term("unknown.column_sensitivity"));
+  const auto& fine = dynamic_cast<const FreeFormEffect&>(Term("unknown.fine_column_sensitivity"));
+  std::vector<double> p(16, 0.0);
+  p[0] = 0.1;                                           // cosine of the first harmonic of either
+  EXPECT_NEAR(coarse.CurveAt(256, p), 0.9, 1e-12);      // half of 512 px
+  EXPECT_NEAR(fine.CurveAt(256.0 / 9, p), 0.9, 1e-12);  // half of a ninth of it
+  EXPECT_NEAR(fine.CurveAt(512.0 / 9, p), 1.1, 1e-12);
+}
+
 TEST(FreeForm, LineNoiseScattersAsExpected) {
   const std::vector<double> variances = {4, 9};  // of rows, of columns
   const std::vector<ActiveEffect> effects = {{&Term("unknown.line_noise"), variances}};
