@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -75,6 +76,22 @@ double LinearThroughKnots(const Knots& knots, Effect::Parameters values, double 
     return (1 - t) * values[k - 1] + t * values[k];
   }
   return values.back();
+}
+
+// Coefficients of a Fourier series from harmonic `first` to `last`, 1 <= first <= last <= 16:
+// cosine and sine of each.
+inline std::vector<EffectParameter> Harmonics(int first, int last, double prior_scale) {
+  static constexpr std::string_view kNames[] = {
+      "cosine_1",  "sine_1",    "cosine_2",  "sine_2",    "cosine_3",  "sine_3",    "cosine_4",
+      "sine_4",    "cosine_5",  "sine_5",    "cosine_6",  "sine_6",    "cosine_7",  "sine_7",
+      "cosine_8",  "sine_8",    "cosine_9",  "sine_9",    "cosine_10", "sine_10",   "cosine_11",
+      "sine_11",   "cosine_12", "sine_12",   "cosine_13", "sine_13",   "cosine_14", "sine_14",
+      "cosine_15", "sine_15",   "cosine_16", "sine_16"};
+  std::vector<EffectParameter> parameters;
+  for (int i = 2 * (first - 1); i < 2 * last; ++i) {
+    parameters.push_back(Coefficient(kNames[i], 0.5, prior_scale));
+  }
+  return parameters;
 }
 
 // Sum over k of c_2k cos(2 pi (n + k) x) + c_2k+1 sin(2 pi (n + k) x), n the first harmonic.

@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <numbers>
-#include <string_view>
 #include <vector>
 
 #include "core/physics/constants.h"
@@ -211,10 +210,7 @@ class FineAlongLineTerm final : public FreeFormEffect {
              .summary = "irradiance along the line of length L times 1 + sum over k from 2 to 7 of "
                         "a_k cos(2 pi k X/L) + b_k sin(2 pi k X/L), X 0 in the middle",
              .reference = "thesis 5.3.1 (laser lines)",
-             .parameters = {Harmonic("cosine_2"), Harmonic("sine_2"), Harmonic("cosine_3"),
-                            Harmonic("sine_3"), Harmonic("cosine_4"), Harmonic("sine_4"),
-                            Harmonic("cosine_5"), Harmonic("sine_5"), Harmonic("cosine_6"),
-                            Harmonic("sine_6"), Harmonic("cosine_7"), Harmonic("sine_7")}}) {}
+             .parameters = Harmonics(kFirstHarmonic, kFirstHarmonic + 5, 0.02)}) {}
 
   void OnPlate(PlateScene& scene, const FrameSetup& frame, Parameters p) const override {
     if (IsNull(p)) return;  // the line stays constant along X
@@ -237,7 +233,6 @@ class FineAlongLineTerm final : public FreeFormEffect {
 
  private:
   static constexpr int kFirstHarmonic = 2;
-  static EffectParameter Harmonic(std::string_view name) { return Coefficient(name, 0.5, 0.02); }
 };
 
 class PowerCourseTerm final : public FreeFormEffect {

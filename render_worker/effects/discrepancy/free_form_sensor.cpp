@@ -6,7 +6,6 @@
 #include <cmath>
 #include <numbers>
 #include <string_view>
-#include <utility>
 #include <vector>
 
 #include "render_worker/effects/discrepancy/free_form_effect.h"
@@ -205,8 +204,14 @@ class CellGainTerm final : public FreeFormEffect {
 // harmonics, so that each has as many coefficients as can be selected.
 class ColumnSensitivityTerm final : public FreeFormEffect {
  public:
-  ColumnSensitivityTerm(int first_harmonic, EffectDescription description)
-      : FreeFormEffect("multiplicative_light", std::move(description)),
+  ColumnSensitivityTerm(std::string_view id, std::string_view summary, int first_harmonic)
+      : FreeFormEffect("multiplicative_light",
+                       {.id = id,
+                        .stage = Stage::kSensor,
+                        .finer_than_block = true,
+                        .summary = summary,
+                        .reference = "EMVA 1288 R4.0 Linear, section 4 (column non-uniformity)",
+                        .parameters = Harmonics(first_harmonic, first_harmonic + 7, 5e-3)}),
         first_harmonic_(first_harmonic) {}
 
   void OnPixelIrradiance(PixelIrradiance& light, const FrameSetup&, Parameters p) const override {
@@ -232,42 +237,6 @@ class ColumnSensitivityTerm final : public FreeFormEffect {
   static constexpr double kPeriod_px = 512;
   int first_harmonic_;
 };
-
-EffectParameter ColumnHarmonic(std::string_view name) { return Coefficient(name, 0.5, 5e-3); }
-
-EffectDescription CoarseColumns() {
-  return {.id = "unknown.column_sensitivity",
-          .stage = Stage::kSensor,
-          .finer_than_block = true,
-          .summary =
-              "light of column j times 1 + sum over k of a_k cos(2 pi k j/512) "
-              "+ b_k sin(2 pi k j/512), j from the principal point",
-          .reference = "EMVA 1288 R4.0 Linear, section 4 (column non-uniformity)",
-          .parameters = {
-              ColumnHarmonic("cosine_1"), ColumnHarmonic("sine_1"), ColumnHarmonic("cosine_2"),
-              ColumnHarmonic("sine_2"), ColumnHarmonic("cosine_3"), ColumnHarmonic("sine_3"),
-              ColumnHarmonic("cosine_4"), ColumnHarmonic("sine_4"), ColumnHarmonic("cosine_5"),
-              ColumnHarmonic("sine_5"), ColumnHarmonic("cosine_6"), ColumnHarmonic("sine_6"),
-              ColumnHarmonic("cosine_7"), ColumnHarmonic("sine_7"), ColumnHarmonic("cosine_8"),
-              ColumnHarmonic("sine_8")}};
-}
-
-EffectDescription FineColumns() {
-  return {.id = "unknown.fine_column_sensitivity",
-          .stage = Stage::kSensor,
-          .finer_than_block = true,
-          .summary =
-              "light of column j times 1 + sum over k from 9 to 16 of "
-              "a_k cos(2 pi k j/512) + b_k sin(2 pi k j/512), j from the principal point",
-          .reference = "EMVA 1288 R4.0 Linear, section 4 (column non-uniformity)",
-          .parameters = {
-              ColumnHarmonic("cosine_9"), ColumnHarmonic("sine_9"), ColumnHarmonic("cosine_10"),
-              ColumnHarmonic("sine_10"), ColumnHarmonic("cosine_11"), ColumnHarmonic("sine_11"),
-              ColumnHarmonic("cosine_12"), ColumnHarmonic("sine_12"), ColumnHarmonic("cosine_13"),
-              ColumnHarmonic("sine_13"), ColumnHarmonic("cosine_14"), ColumnHarmonic("sine_14"),
-              ColumnHarmonic("cosine_15"), ColumnHarmonic("sine_15"), ColumnHarmonic("cosine_16"),
-              ColumnHarmonic("sine_16")}};
-}
 
 // Charge that flows between neighbouring pixels of the region; the sum stays. `between_rows` and
 // `between_columns` tell what flows from one pixel to the other.
@@ -407,8 +376,16 @@ std::vector<const FreeFormEffect*> SensorTerms() {
   static const ResponseLawTerm response_law;
   static const ColourTerm colour;
   static const CellGainTerm cell_gain;
-  static const ColumnSensitivityTerm column_sensitivity(1, CoarseColumns());
-  static const ColumnSensitivityTerm fine_column_sensitivity(9, FineColumns());
+  static const ColumnSensitivityTerm column_sensitivity(
+      "unknown.column_sensitivity",
+      "light of column j times 1 + sum over k from 1 to 8 of a_k cos(2 pi k j/512) "
+      "+ b_k sin(2 pi k j/512), j from the principal point",
+      1);
+  static const ColumnSensitivityTerm fine_column_sensitivity(
+      "unknown.fine_column_sensitivity",
+      "light of column j times 1 + sum over k from 9 to 16 of a_k cos(2 pi k j/512) "
+      "+ b_k sin(2 pi k j/512), j from the principal point",
+      9);
   static const DarkSignalTerm dark_signal;
   static const ChargeSpreadTerm charge_spread;
   static const ChargeFlowTerm charge_flow;
