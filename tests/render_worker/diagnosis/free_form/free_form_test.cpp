@@ -19,6 +19,7 @@
 #include "render_worker/diagnosis/finding/describe_term.h"
 #include "render_worker/diagnosis/random_effect/compare_random_effects.h"
 #include "render_worker/effects/described_effect.h"
+#include "render_worker/effects/discrepancy/free_form_effect.h"
 #include "render_worker/effects/stage_name.h"
 #include "render_worker/effects/vocabulary.h"
 #include "render_worker/image_chain/form_image.h"

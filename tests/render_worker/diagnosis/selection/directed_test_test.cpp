@@ -26,7 +26,7 @@ const ActiveEffect& TrueGlare() {
 struct PValues {
   double plain = 0, directed = 0;
 };
-PValues Test(const std::vector<ActiveEffect>& also, uint64_t seed) {
+PValues TestGlareIn(const std::vector<ActiveEffect>& also, uint64_t seed) {
   std::vector<ActiveEffect> effects = {TrueGlare()};
   effects.insert(effects.end(), also.begin(), also.end());
   const RecordedSet set = RenderSmallSet(SomeDeviations(), effects, seed);
@@ -39,12 +39,12 @@ PValues Test(const std::vector<ActiveEffect>& also, uint64_t seed) {
   return {CheckHypothesis(context, named).p_value, TestAlongTerms(context, named).p_value};
 }
 
-TEST(TestAlongTerms, DoesNotRejectTheTrueEffect) { EXPECT_GT(Test({}, 71).directed, 0.01); }
+TEST(TestAlongTerms, DoesNotRejectTheTrueEffect) { EXPECT_GT(TestGlareIn({}, 71).directed, 0.01); }
 
 TEST(TestAlongTerms, FindsWhatATestOverAllNumbersMisses) {
   ActiveEffect cells = AtNullValues(*FindFreeFormTerm("unknown.cell_gain"));
   cells.parameters[0] = 0.01;
-  const PValues found = Test({cells}, 72);
+  const PValues found = TestGlareIn({cells}, 72);
   EXPECT_LT(found.directed, 1e-3) << "over all numbers: " << found.plain;
   EXPECT_LT(found.directed, found.plain);
 }
