@@ -374,11 +374,11 @@ TEST(FreeForm, ReadoutLagFollowsAStepAndLeavesAnEvenFieldAlone) {
   const FrameSetup frame = NominalFrame();
   const std::vector<double> parts = {0.1, 0.02, 0.05, 0.03};
   const Effect& term = Term("unknown.readout_lag");
-  Image<double> even(40, 3, 800.0);
+  Image<double> even(3, 40, 800.0);
   term.OnElectrons(even, frame, parts);
   for (const double electrons : even.values) EXPECT_EQ(electrons, 800.0);
   // A step upwards: what is read after it lags behind, less and less.
-  Image<double> step(40, 1, 100.0);
+  Image<double> step(1, 40, 100.0);
   for (int row = 10; row < 40; ++row) step.At(row, 0) = 2000;
   term.OnElectrons(step, frame, parts);
   EXPECT_EQ(step.At(9, 0), 100.0);
