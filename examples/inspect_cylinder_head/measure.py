@@ -16,7 +16,7 @@ import os
 import random
 import struct
 
-FOCAL_LENGTH_PX = 256 / math.tan(math.radians(22.5))  # default camera: 512 rows over 45 degrees
+FOCAL_LENGTH_PX = 512 / math.tan(math.radians(22.5))  # 1024 rows over the default of 45 degrees
 DENT_M, DENT_WIDTH_M, DENT_PLACE_M = 3e-4, 6e-3, (0.225, 0.05)
 HOLE_OFF_M, HOLE_CENTRE_M, HOLE_REACH_M = 1e-4, (0.075, 0.140), 0.044
 SHIFT_M, TURN_RAD = (8e-4, -5e-4, 3e-4), 2e-3  # of the part, the turn about z
