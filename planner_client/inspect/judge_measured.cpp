@@ -123,10 +123,11 @@ void JudgeBoundFeature(const MeasuredState& state, const TolerancedFeature& tole
   LeaveOutCorrelation(bound, feature);
   // The pose of the joined scans counts beside the errors of joining them.
   Eigen::MatrixXd& registration_m = feature.registration_deviations_m;
-  registration_m.conservativeResize(Eigen::NoChange, registration_m.cols() + 6);
+  const Eigen::MatrixXd& of_pose_m = state.surface.pose_deviations_m;
+  registration_m.conservativeResize(Eigen::NoChange, registration_m.cols() + of_pose_m.cols());
   for (size_t i = 0; i < bound.targets.size(); ++i) {
-    registration_m.row(static_cast<Eigen::Index>(i)).tail<6>() =
-        state.surface.pose_deviations_m.row(bound.targets[i]);
+    registration_m.row(static_cast<Eigen::Index>(i)).tail(of_pose_m.cols()) =
+        of_pose_m.row(bound.targets[i]);
   }
   const auto fit = FitCharacteristic(feature, bound.characteristic);
   if (absl::IsFailedPrecondition(fit.status()))

@@ -19,7 +19,7 @@ struct MeasuredSurface {
   TargetSet targets;  // on the CAD model, those that a plan of the inspection has
   std::vector<DeviationEstimate> estimates;
   // Deviations [m] (rows: targets) that independent errors of the pose of one standard deviation
-  // cause (six columns). By the covariance of the registration.
+  // cause (six columns at most). By the covariance of the registration.
   Eigen::MatrixXd pose_deviations_m;
 
   // As a plan's knowledge: each scan's weight in the estimates takes the place of its density.
