@@ -33,4 +33,18 @@ Value LowerQuantile(std::vector<Value> values, double fraction) {
   return OrderStatistic(std::move(values), rank);
 }
 
+// Quantile of the distribution whose values were rounded to whole numbers, linear within each of
+// these. `ascending`: n > 0 sorted whole numbers; fraction in [0, 1). Differences of order
+// statistics of rounded values are whole numbers themselves and may be off by half of a spread of
+// one or two.
+template <typename Value>
+double QuantileBeforeRounding(const std::vector<Value>& ascending, double fraction) {
+  assert(!ascending.empty() && fraction >= 0 && fraction < 1);
+  const double rank = fraction * static_cast<double>(ascending.size());
+  const Value value = ascending[static_cast<size_t>(rank)];
+  const auto [first, last] = std::equal_range(ascending.begin(), ascending.end(), value);
+  const auto before = static_cast<double>(first - ascending.begin());
+  return static_cast<double>(value) - 0.5 + (rank - before) / static_cast<double>(last - first);
+}
+
 }  // namespace sightline

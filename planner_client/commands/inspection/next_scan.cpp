@@ -88,10 +88,12 @@ absl::StatusOr<std::optional<v1::NextScan>> FindNextScan(const NextScanQuestion&
   if (plan->scans.size() <= request.locked.size()) return std::nullopt;
   const auto score = gain_model.ScorePlan(request.locked, true);
   if (!score.ok()) return score.status();
+  // The search adds a scan even if none helps.
+  if (plan->score.satisfied <= score->satisfied) return std::nullopt;
   v1::NextScan next;
   *next.mutable_measurement() = MeasurementToProto(plan->scans.back().measurement);
   next.set_open_targets(needed.judged.Count() - score->satisfied);
-  next.set_settled_targets(std::max<int64_t>(0, plan->score.satisfied - score->satisfied));
+  next.set_settled_targets(plan->score.satisfied - score->satisfied);
   for (size_t f = 0; f < session->requirements->features.size(); ++f) {
     if (judged.needed_uncertainty_m[f] > 0)
       next.add_features(session->requirements->features[f].name);

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/statistics/order_statistics.h"
 #include "render_worker/recordings/profile_bins.h"
 
 namespace sightline {
@@ -52,9 +53,10 @@ void FindHotPixels(const RecordedFrame& recorded, const PixelPlane& plane,
     std::vector<double> sorted = values;
     std::sort(sorted.begin(), sorted.end());
     const size_t n = sorted.size();
-    const double median = sorted[n / 2];
-    const double deviation =
-        std::max(kRounded_dn, (sorted[3 * n / 4] - sorted[n / 4]) / kNormalQuartiles);
+    const double median = QuantileBeforeRounding(sorted, 0.5);
+    const double quartiles =
+        QuantileBeforeRounding(sorted, 0.75) - QuantileBeforeRounding(sorted, 0.25);
+    const double deviation = std::max(kRounded_dn, quartiles / kNormalQuartiles);
     const auto stands_out = [&](size_t i, double limit) {
       return std::abs(values[i] - median) > limit * deviation;
     };

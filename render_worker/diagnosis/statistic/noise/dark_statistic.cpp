@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/statistics/order_statistics.h"
 #include "render_worker/diagnosis/statistic/noise/bin_moments.h"
 
 namespace sightline {
@@ -25,10 +26,10 @@ constexpr double kLeastDeviation_dn = 0.5;
 double OutlierShare(const Image<uint16_t>& raw) {
   std::vector<uint16_t> sorted = raw.values;
   std::sort(sorted.begin(), sorted.end());
-  const double median = sorted[sorted.size() / 2];
-  const double spread =
-      std::max(kLeastDeviation_dn,
-               (sorted[sorted.size() * 3 / 4] - sorted[sorted.size() / 4]) / kInterquartileRange);
+  const double median = QuantileBeforeRounding(sorted, 0.5);
+  const double quartiles =
+      QuantileBeforeRounding(sorted, 0.75) - QuantileBeforeRounding(sorted, 0.25);
+  const double spread = std::max(kLeastDeviation_dn, quartiles / kInterquartileRange);
   double outliers = 0;
   for (uint16_t value : raw.values) {
     outliers += std::abs(value - median) > kOutlierDeviations * spread ? 1 : 0;

@@ -13,6 +13,7 @@
 #include <tuple>
 #include <vector>
 
+#include "core/random/counter_random.h"
 #include "render_worker/diagnosis/statistic/burst_statistic.h"
 #include "render_worker/diagnosis/statistic/column_parity_statistic.h"
 #include "render_worker/diagnosis/statistic/histogram_statistic.h"
@@ -606,6 +607,23 @@ TEST(DarkStatistic, LeavesOutFramesThatFollowLight) {
   EXPECT_EQ(statistic.blocks(), 3);
   const Comparison null = Compare(statistic, set, Expected(false, {}));
   EXPECT_LT(null.chi_squared, 2.5 * null.count);
+}
+
+// A bug found: the quartiles of whole numbers stated half the spread, and ordinary noise was called
+// hot pixels.
+TEST(DarkStatistic, NormalNoiseHasNoOutliersWhateverItsSpread) {
+  RecordedSet set = Rendered(false, kSeed, {});
+  const DarkStatistic statistic(set);
+  ASSERT_GT(statistic.blocks(), 0);
+  for (const double deviation_dn : {0.8, 1.2, 1.45, 1.6, 3.0}) {
+    CounterRandom random(5, 0);
+    for (RecordedFrame& frame : set.frames) {
+      for (uint16_t& dn : frame.raw_dn.values) {
+        dn = static_cast<uint16_t>(std::lround(40 + deviation_dn * random.Normal()));
+      }
+    }
+    EXPECT_EQ(statistic.Observed(set, 0)[3], 0) << deviation_dn;
+  }
 }
 
 TEST(BurstStatistic, ShowsWhatTheFrameBeforeLeft) {
