@@ -98,7 +98,8 @@ inline std::vector<EffectParameter> Harmonics(int first, int last, double prior_
 inline double FourierSeries(double x, int first_harmonic, Effect::Parameters coefficients) {
   double sum = 0;
   for (size_t i = 0; i + 1 < coefficients.size(); i += 2) {
-    const double phase = 2 * std::numbers::pi * (first_harmonic + static_cast<double>(i / 2)) * x;
+    const int harmonic = first_harmonic + static_cast<int>(i / 2);
+    const double phase = 2 * std::numbers::pi * harmonic * x;
     sum += coefficients[i] * std::cos(phase) + coefficients[i + 1] * std::sin(phase);
   }
   return sum;
