@@ -21,13 +21,13 @@ struct ScoreTest {
   double p_value = 1;          // probability of a chi squared at least as large
 };
 
-// With the whitened residual r at the optimum of the linearised model, P = I - J H^-1 J' of LinearFit and the directions D, the
-// score D' r has the covariance D' P D if the model is true. Principal axes of D' P D whose
-// eigenvalue exceeds kTestedLength give independent standard normal scores u = U' r. Errors of the
-// modelled expectation add U' P E E' P U to their covariance M, and chi squared is u' M^-1 u.
-// `directions`: whitened changes by one prior scale each, in columns; all must be finite.
-// `model_error`: columns E of standard deviations of independent errors of the whitened
-// expectation; may have no column.
+// With the whitened residual r at the optimum of the linearised model, P = I - J H^-1 J' of
+// LinearFit and the directions D, the score D' r has the covariance D' P D if the model is true.
+// Principal axes of D' P D whose eigenvalue exceeds kTestedLength give independent standard normal
+// scores u = U' r. Errors of the modelled expectation add U' P E E' P U to their covariance M, and
+// chi squared is u' M^-1 u. `directions`: whitened changes by one prior scale each, in columns; all
+// must be finite. `model_error`: columns E of standard deviations of independent errors of the
+// whitened expectation; may have no column.
 ScoreTest TestDirections(const LinearFit& linear, const Eigen::MatrixXd& directions,
                          const Eigen::MatrixXd& model_error);
 
