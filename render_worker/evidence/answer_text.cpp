@@ -66,7 +66,7 @@ std::string WhyTermDoesNotLead(const TermOverName& term) {
     return absl::StrFormat("%.3g nats less evidence than the answer", -term.more_evidence);
   }
   const std::string more = absl::StrFormat("%.3g nats more evidence, but ", term.more_evidence);
-  if (!(term.share_left > kShareNamesMayLeave)) {
+  if (!(term.share_left > term.share_names_may_leave)) {
     return absl::StrCat(more, "the answer leaves only ", ShareText(term.share_left),
                         " of the difference");
   }

@@ -5,6 +5,7 @@
 
 #include <string>
 
+#include "render_worker/evidence/judgement.h"
 #include "sightline/v1/diagnosis.pb.h"
 
 namespace sightline {
@@ -22,6 +23,7 @@ struct TermOverName {
   double more_evidence = 0;        // [nats]
   double more_held_out_score = 0;  // [nats]
   double share_left = 0;           // by the named model (ShareLeft), in [0, 1]
+  double share_names_may_leave = kShareNamesMayLeave;
 };
 
 // The first condition of Judge (judgement.h, rule b) that the model with the term fails, for

@@ -82,7 +82,8 @@ int BestNamed(const std::vector<ComparedModel>& models) {
   return MostProbable(models, IsWithinVocabulary);
 }
 
-Judgement Judge(const std::vector<ComparedModel>& models, double best_named_p_value) {
+Judgement Judge(const std::vector<ComparedModel>& models, double best_named_p_value,
+                double share_names_may_leave) {
   Judgement judgement;
   judgement.best_named = BestNamed(models);
   const ComparedModel& named = models[judgement.best_named];
@@ -101,10 +102,10 @@ Judgement Judge(const std::vector<ComparedModel>& models, double best_named_p_va
     unknown = std::max(unknown, ProbabilityOfUnknown(best_named_p_value));
   }
 
-  const bool discrepancy_leads =
+  const bool discrepancy_is_better =
       discrepancy >= 0 && models[discrepancy].log_evidence > named.log_evidence &&
-      models[discrepancy].held_out_score - named.held_out_score > kClearGain_nats &&
-      share_left > kShareNamesMayLeave;
+      models[discrepancy].held_out_score - named.held_out_score > kClearGain_nats;
+  const bool discrepancy_leads = discrepancy_is_better && share_left > share_names_may_leave;
   if (discrepancy_leads) {
     ShareOut(models, 1 - unknown, IsWithinVocabulary, &judgement.probability);
     ShareOut(models, unknown, IsDiscrepancy, &judgement.probability);
@@ -112,8 +113,10 @@ Judgement Judge(const std::vector<ComparedModel>& models, double best_named_p_va
     std::fill(judgement.probability.begin(), judgement.probability.end(), 0);
     ShareOut(models, 1, IsWithinVocabulary, &judgement.probability);
     if (discrepancy >= 0 || best_named_p_value < kRejectedBelow) {
-      judgement.remainder = {
-          .discrepancy = discrepancy, .share = share_left, .probability = unknown};
+      judgement.remainder = {.discrepancy = discrepancy,
+                             .share = share_left,
+                             .probability = unknown,
+                             .small_share_decides = discrepancy_is_better};
     }
   }
   judgement.answer = static_cast<int>(

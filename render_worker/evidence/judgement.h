@@ -16,6 +16,9 @@ inline constexpr double kRejectedBelow = 0.01;
 // The share of the difference (ShareLeft) that a named model may leave and still be the answer.
 // Chosen: on sets of an independent simulator true names leave 0 to 2 %.
 inline constexpr double kShareNamesMayLeave = 0.05;
+// The same where the expectation is corrected by renderings of the named model. The errors of the
+// fast model are gone then; what is left are those of the effect's law. Chosen.
+inline constexpr double kShareRenderedNamesMayLeave = 0.01;
 
 enum class ModelKind {
   kNoEffect,
@@ -40,6 +43,8 @@ struct Remainder {
   int discrepancy = -1;  // the model with a discrepancy term that describes it best; -1: none does
   double share = 0;      // ShareLeft of the answer, in [0, 1]
   double probability = 0;  // that it is physics which the vocabulary lacks, in [0, 1]
+  // The share alone decides: rule (b) is met but for it.
+  bool small_share_decides = false;
 };
 
 struct Judgement {
@@ -69,13 +74,15 @@ int BestNamed(const std::vector<ComparedModel>& models);
 
 // The answer among models that predict. `models`: one of kind kNoEffect among them.
 // `best_named_p_value`: of the predictive check of BestNamed, in [0, 1].
+// `share_names_may_leave`: in [0, 1].
 //
 // (b) A model with a discrepancy term is the answer only if it has more evidence than the best
 //     named one, predicts better by more than kClearGain_nats, and that one leaves more than
-//     kShareNamesMayLeave of the difference. If that one is rejected, unknown physics is at least
-//     as probable as ProbabilityOfUnknown says.
+//     `share_names_may_leave` of the difference. If that one is rejected, unknown physics is at
+//     least as probable as ProbabilityOfUnknown says.
 // (c) Otherwise the best named model is the answer, and what it leaves is the remainder: there is
 //     one if a discrepancy term predicts or if the named model is rejected.
-Judgement Judge(const std::vector<ComparedModel>& models, double best_named_p_value);
+Judgement Judge(const std::vector<ComparedModel>& models, double best_named_p_value,
+                double share_names_may_leave = kShareNamesMayLeave);
 
 }  // namespace sightline

@@ -54,14 +54,16 @@ double ErrorOfChange(const Context& context, const Hypothesis& hypothesis) {
   return kEffectError * kEffectError * squares;
 }
 
-// True if a named model is about to be rejected where errors of the fast model may be the reason,
-// and it can be rendered: random effects have values of their own in every rendering.
+// True if errors of the fast model may decide about a named model, and it can be rendered: random
+// effects have values of their own in every rendering. It is about to be rejected, or a discrepancy
+// describes what it leaves, so that this is either an error of the fast model or unknown physics.
 bool NeedsRenderings(const Context& context, const ModelComparison& comparison) {
   const Hypothesis& named = comparison.named;
-  const bool rejected =
-      comparison.named_check.p_value < kRejectedBelow || IsFreeForm(comparison.ranked.front());
+  const bool in_doubt = comparison.named_check.p_value < kRejectedBelow ||
+                        IsFreeForm(comparison.ranked.front()) ||
+                        (comparison.remainder && comparison.remainder->small_share_decides);
   const auto is_random = [](const ActiveEffect& active) { return HasRandomLaw(*active.effect); };
-  return rejected && !named.effects.empty() &&
+  return in_doubt && !named.effects.empty() &&
          std::none_of(named.effects.begin(), named.effects.end(), is_random) &&
          ErrorOfChange(context, named) > thresholds::kErrorWorthRendering;
 }
@@ -163,8 +165,8 @@ ModelComparison CompareModels(const SetModel& model, const FitResult& null,
   // 6. Rank and hold to predictions.
   ModelComparison result = HoldToPredictions(context, Rank(context, found.hypotheses));
 
-  // 7. Before a named model is rejected, compare again with the expectation corrected by
-  // renderings.
+  // 7. Where the fast model's errors may decide about a named model, compare again with the
+  // expectation corrected by renderings.
   if (NeedsRenderings(context, result)) {
     const absl::StatusOr<SetModel> corrected = Corrected(context, result.named);
     if (absl::IsCancelled(corrected.status())) {

@@ -32,6 +32,7 @@ struct RemainderOfAnswer {
   const Effect* term = nullptr;  // model-discrepancy term that describes it best; null: none does
   double share = 0;              // of the null model's excess on held-out recordings, in [0, 1]
   double probability = 0;        // that it is physics which the vocabulary lacks, in [0, 1]
+  bool small_share_decides = false;  // Remainder::small_share_decides
 };
 
 // Prediction of settings that were held out, by functions of one stage.

@@ -77,13 +77,15 @@ ModelComparison HoldToPredictions(const Context& context, std::vector<Hypothesis
   result.null_check = CheckHypothesis(context, ranked[none]);
   result.named = ranked[named];
   result.named_check = CheckNamed(context, ranked[named]);
-  const Judgement judgement = Judge(models, result.named_check.p_value);
+  const Judgement judgement =
+      Judge(models, result.named_check.p_value, ShareNamesMayLeave(context.model));
   for (size_t h = 0; h < ranked.size(); ++h) ranked[h].probability = judgement.probability[h];
   if (judgement.remainder) {
     const int term = judgement.remainder->discrepancy;
     result.remainder = {.term = term < 0 ? nullptr : ranked[term].effects.back().effect,
                         .share = judgement.remainder->share,
-                        .probability = judgement.remainder->probability};
+                        .probability = judgement.remainder->probability,
+                        .small_share_decides = judgement.remainder->small_share_decides};
   }
   std::stable_sort(ranked.begin(), ranked.end(), [](const Hypothesis& a, const Hypothesis& b) {
     return a.probability > b.probability;

@@ -115,6 +115,9 @@ std::vector<double> TrustedEvidence(const std::vector<Hypothesis>& hypotheses,
                                     double effect_error_of_all);
 // kEffectError, or 0 for a corrected model.
 double EffectErrorOf(const SetModel& model);
+
+// kShareNamesMayLeave, or kShareRenderedNamesMayLeave for a corrected model.
+double ShareNamesMayLeave(const SetModel& model);
 // Sets `log_prior` and `probability`, most probable first. `hypotheses`: at least one.
 std::vector<Hypothesis> RankHypotheses(const HypothesisCounts& counts,
                                        std::vector<Hypothesis> hypotheses,
