@@ -64,9 +64,11 @@ TEST(WhyTermDoesNotLead, NamesTheConditionThatFails) {
   for (const double evidence : {-20.0, 20.0}) {
     for (const double score : {1.0, 40.0}) {
       for (const double share : {0.01, 0.4}) {
-        const std::string why = WhyTermDoesNotLead(
-            {.more_evidence = evidence, .more_held_out_score = score, .share_left = share});
-        const bool more = evidence > 0, much = share > kShareNamesMayLeave;
+        const std::string why = WhyTermDoesNotLead({.more_evidence = evidence,
+                                                    .more_held_out_score = score,
+                                                    .share_left = share,
+                                                    .share_names_may_leave = 0.2});
+        const bool more = evidence > 0, much = share > 0.2;
         const bool predicts = score > kClearGain_nats;
         const auto says = [&](const char* text, bool expected) {
           if (expected) {

@@ -60,7 +60,8 @@ TEST(Judgement, RulesHoldForEveryAnswer) {
   for (int trial = 0; trial < 20000; ++trial) {
     const std::vector<ComparedModel> models = ThoseThatPredict(RandomModels(random));
     const double p_value = std::pow(10, decades(random));
-    const Judgement judgement = Judge(models, p_value);
+    const double may_leave = trial % 2 == 0 ? kShareNamesMayLeave : kShareRenderedNamesMayLeave;
+    const Judgement judgement = Judge(models, p_value, may_leave);
     EXPECT_NEAR(std::accumulate(judgement.probability.begin(), judgement.probability.end(), 0.0), 1,
                 1e-9);
     const ComparedModel& answer = models[judgement.answer];
@@ -70,7 +71,7 @@ TEST(Judgement, RulesHoldForEveryAnswer) {
       ++unknown;
       EXPECT_GT(answer.log_evidence, named.log_evidence);
       EXPECT_GT(answer.held_out_score, named.held_out_score + kClearGain_nats);
-      EXPECT_GT(ShareLeft(named, models[0], &answer), kShareNamesMayLeave);
+      EXPECT_GT(ShareLeft(named, models[0], &answer), may_leave);
       EXPECT_FALSE(judgement.remainder);
     }
     if (judgement.remainder) {
@@ -80,6 +81,9 @@ TEST(Judgement, RulesHoldForEveryAnswer) {
       EXPECT_LE(judgement.remainder->share, 1);
       EXPECT_GE(judgement.remainder->probability, 0);
       EXPECT_LE(judgement.remainder->probability, 1);
+      // Where nothing may be left, the discrepancy leads and there is no remainder.
+      EXPECT_EQ(judgement.remainder->small_share_decides,
+                !Judge(models, p_value, 0).remainder.has_value());
     }
   }
   // The rules have been tried.
