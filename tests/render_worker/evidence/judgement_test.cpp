@@ -81,7 +81,7 @@ TEST(Judgement, RulesHoldForEveryAnswer) {
       EXPECT_LE(judgement.remainder->share, 1);
       EXPECT_GE(judgement.remainder->probability, 0);
       EXPECT_LE(judgement.remainder->probability, 1);
-      // Where nothing may be left, the discrepancy leads and there is no remainder.
+      // If nothing may be left, the discrepancy leads and there is no remainder.
       EXPECT_EQ(judgement.remainder->small_share_decides,
                 !Judge(models, p_value, 0).remainder.has_value());
     }
