@@ -16,9 +16,10 @@ inline constexpr double kRejectedBelow = 0.01;
 // The share of the difference (ShareLeft) that a named model may leave and still be the answer.
 // Chosen: on sets of an independent simulator true names leave 0 to 2 %.
 inline constexpr double kShareNamesMayLeave = 0.05;
-// The same where the expectation is corrected by renderings of the named model. The errors of the
-// fast model are gone then; what is left are those of the effect's law. Chosen.
-inline constexpr double kShareRenderedNamesMayLeave = 0.01;
+// The same where errors of the fast model are negligible: the expectation is corrected by
+// renderings of the named model, or its effects change the recordings too little. Left are errors
+// of the effects' laws. Chosen.
+inline constexpr double kShareExactNamesMayLeave = 0.01;
 
 enum class ModelKind {
   kNoEffect,

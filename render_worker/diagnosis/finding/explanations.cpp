@@ -79,7 +79,7 @@ std::string ReasonForTerm(const SetModel& model, const ModelComparison& comparis
   TermOverName term;
   term.more_evidence = hypothesis.log_evidence - comparison.ranked.front().log_evidence;
   if (comparison.remainder) term.share_left = comparison.remainder->share;
-  if (comparison.rendered) term.share_names_may_leave = kShareRenderedNamesMayLeave;
+  term.share_names_may_leave = comparison.share_names_may_leave;
   if (term.more_evidence > 0 && term.share_left > term.share_names_may_leave) {
     term.more_held_out_score = MoreHeldOutScore(model, comparison, hypothesis, seed);
   }

@@ -43,17 +43,6 @@ StageResult AddBesideBest(const Context& context, std::vector<Hypothesis> hypoth
   return {DropCoefficients(context, std::move(found.hypotheses))};
 }
 
-// Chi squared that the relative error kEffectError of the change by a hypothesis may cause.
-double ErrorOfChange(const Context& context, const Hypothesis& hypothesis) {
-  double squares = 0;
-  for (size_t e = 0; e < hypothesis.fit.mean.size(); ++e) {
-    squares += (*hypothesis.fit.whitening)(static_cast<int>(e),
-                                           hypothesis.fit.mean[e] - context.null.mean[e])
-                   .squaredNorm();
-  }
-  return kEffectError * kEffectError * squares;
-}
-
 // True if errors of the fast model may decide about a named model, and it can be rendered: random
 // effects have values of their own in every rendering. It is about to be rejected, or a discrepancy
 // describes what it leaves, so that this is either an error of the fast model or unknown physics.
@@ -65,7 +54,7 @@ bool NeedsRenderings(const Context& context, const ModelComparison& comparison) 
   const auto is_random = [](const ActiveEffect& active) { return HasRandomLaw(*active.effect); };
   return in_doubt && !named.effects.empty() &&
          std::none_of(named.effects.begin(), named.effects.end(), is_random) &&
-         ErrorOfChange(context, named) > thresholds::kErrorWorthRendering;
+         ModelErrorsCount(context, named);
 }
 
 // The model with the correction at the parameters of `named`. Errors of RenderStatistics.

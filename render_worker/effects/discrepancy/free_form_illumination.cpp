@@ -337,12 +337,13 @@ class CoherenceTerm final : public FreeFormEffect {
       : FreeFormEffect("noise",
                        {.id = "unknown.coherence",
                         .stage = Stage::kIllumination,
-                        .summary = "number of independent speckle patterns 1 + a + b (4/N)^2, "
-                                   "contrast 1/sqrt(M)",
+                        .summary = "number of independent speckle patterns 1 + a + b (4/N)^2 + "
+                                   "c (N/4)^2, contrast 1/sqrt(M)",
                         .reference = "Goodman, Speckle Phenomena in Optics, 2nd ed., sections 3.3 "
                                      "and 6.3",
                         .parameters = {{"more_modes", 0, 0, 20, 0.2},
-                                       {"more_modes_with_aperture", 0, 0, 20, 0.1}}}) {}
+                                       {"more_modes_with_aperture", 0, 0, 20, 0.1},
+                                       {"more_modes_with_f_number", 0, 0, 20, 0.1}}}) {}
 
   void OnSpeckle(SpeckleModel& speckle, const FrameSetup& frame, Parameters p) const override {
     if (IsNull(p)) return;  // the patterns stay as they are
@@ -353,8 +354,8 @@ class CoherenceTerm final : public FreeFormEffect {
     return {"f_number", "more_speckle_patterns", {1.4, 2, 2.8, 4, 5.6, 8, 11, 16, 22}};
   }
   double CurveAt(double f_number, Parameters p) const override {
-    const double aperture = 4 / f_number;
-    return p[0] + p[1] * aperture * aperture;
+    const double aperture2 = 16 / (f_number * f_number);
+    return p[0] + p[1] * aperture2 + p[2] / aperture2;
   }
 };
 

@@ -60,7 +60,7 @@ TEST(Judgement, RulesHoldForEveryAnswer) {
   for (int trial = 0; trial < 20000; ++trial) {
     const std::vector<ComparedModel> models = ThoseThatPredict(RandomModels(random));
     const double p_value = std::pow(10, decades(random));
-    const double may_leave = trial % 2 == 0 ? kShareNamesMayLeave : kShareRenderedNamesMayLeave;
+    const double may_leave = trial % 2 == 0 ? kShareNamesMayLeave : kShareExactNamesMayLeave;
     const Judgement judgement = Judge(models, p_value, may_leave);
     EXPECT_NEAR(std::accumulate(judgement.probability.begin(), judgement.probability.end(), 0.0), 1,
                 1e-9);

@@ -4,8 +4,10 @@
 #include <vector>
 
 #include "render_worker/diagnosis/fit/fit_quality.h"
+#include "render_worker/diagnosis/fit/model_error.h"
 #include "render_worker/diagnosis/selection/stages/directed_test.h"
 #include "render_worker/diagnosis/selection/stages/stages.h"
+#include "render_worker/diagnosis/selection/thresholds.h"
 #include "render_worker/evidence/judgement.h"
 
 namespace sightline {
@@ -60,6 +62,17 @@ double HeldOutExcess(const Context& context, const Hypothesis& hypothesis) {
 
 }  // namespace
 
+bool ModelErrorsCount(const Context& context, const Hypothesis& hypothesis) {
+  if (context.model.is_corrected()) return false;
+  double squares = 0;
+  for (size_t e = 0; e < hypothesis.fit.mean.size(); ++e) {
+    squares += (*hypothesis.fit.whitening)(static_cast<int>(e),
+                                           hypothesis.fit.mean[e] - context.null.mean[e])
+                   .squaredNorm();
+  }
+  return kEffectError * kEffectError * squares > thresholds::kErrorWorthRendering;
+}
+
 ModelComparison HoldToPredictions(const Context& context, std::vector<Hypothesis> ranked) {
   for (Hypothesis& hypothesis : ranked) {
     hypothesis.held_out_score = CheckHypothesis(context, hypothesis).log_score;
@@ -77,8 +90,10 @@ ModelComparison HoldToPredictions(const Context& context, std::vector<Hypothesis
   result.null_check = CheckHypothesis(context, ranked[none]);
   result.named = ranked[named];
   result.named_check = CheckNamed(context, ranked[named]);
+  result.share_names_may_leave =
+      ModelErrorsCount(context, result.named) ? kShareNamesMayLeave : kShareExactNamesMayLeave;
   const Judgement judgement =
-      Judge(models, result.named_check.p_value, ShareNamesMayLeave(context.model));
+      Judge(models, result.named_check.p_value, result.share_names_may_leave);
   for (size_t h = 0; h < ranked.size(); ++h) ranked[h].probability = judgement.probability[h];
   if (judgement.remainder) {
     const int term = judgement.remainder->discrepancy;

@@ -27,10 +27,6 @@ double LogModelPrior(const HypothesisCounts& counts, const Hypothesis& hypothesi
 
 double EffectErrorOf(const SetModel& model) { return model.is_corrected() ? 0 : kEffectError; }
 
-double ShareNamesMayLeave(const SetModel& model) {
-  return model.is_corrected() ? kShareRenderedNamesMayLeave : kShareNamesMayLeave;
-}
-
 std::vector<double> TrustedEvidence(const std::vector<Hypothesis>& hypotheses,
                                     double effect_error_of_all) {
   double best = 0, single = 0, effect_error = effect_error_of_all;

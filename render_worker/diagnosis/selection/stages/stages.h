@@ -116,8 +116,9 @@ std::vector<double> TrustedEvidence(const std::vector<Hypothesis>& hypotheses,
 // kEffectError, or 0 for a corrected model.
 double EffectErrorOf(const SetModel& model);
 
-// kShareNamesMayLeave, or kShareRenderedNamesMayLeave for a corrected model.
-double ShareNamesMayLeave(const SetModel& model);
+// True if the error kEffectError of the change by `hypothesis` from the null model may cause a chi
+// squared above kErrorWorthRendering. False for a corrected model.
+bool ModelErrorsCount(const Context& context, const Hypothesis& hypothesis);
 // Sets `log_prior` and `probability`, most probable first. `hypotheses`: at least one.
 std::vector<Hypothesis> RankHypotheses(const HypothesisCounts& counts,
                                        std::vector<Hypothesis> hypotheses,
