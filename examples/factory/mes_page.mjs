@@ -38,7 +38,8 @@ function eventRows(events) {
 // `order`: {job_id, events}; `plan`: the plan.json; `saved`: names of the files beside the page.
 export function mesPage({order, plan, saved}) {
   const coverage = plan.coverage?.coverage;
-  const share = coverage === undefined ? '' : `, which see ${(100 * coverage).toFixed(1)} % of the surface`;
+  const one = plan.scans.length === 1;
+  const share = coverage === undefined ? '' : `, which ${one ? 'sees' : 'see'} ${(100 * coverage).toFixed(1)} % of the surface`;
   const links = saved.map((name) => `<li><a href="${escape(encodeURIComponent(name))}">${escape(name)}</a></li>`).join('\n');
   return `<!DOCTYPE html>
 <html lang="en">
@@ -51,7 +52,7 @@ export function mesPage({order, plan, saved}) {
 <body>
 <main>
 <h1>Order ${escape(order.job_id)}</h1>
-<p class="done">The plan of ${escape(plan.inspection_name ?? 'the part')} has ${plan.scans.length} scans${share}.</p>
+<p class="done">The plan of ${escape(plan.inspection_name ?? 'the part')} has ${plan.scans.length} ${one ? 'scan' : 'scans'}${share}.</p>
 <h2>What happened</h2>
 ${table(['UTC', 'Event', 'Message'], eventRows(order.events))}
 <h2>Scans</h2>
