@@ -627,6 +627,37 @@ absl::StatusOr<ObstacleSource> ParseObstacle(const v1::Obstacle& obstacle, const
 
 }  // namespace
 
+namespace {
+
+// Light limits targets where the inspection asks for it, and by current defaults where it states
+// everything that images are made with.
+absl::Status ParseLightLimit(const v1::Inspection& message, const Checker& check,
+                             const std::string& context, Inspection* inspection) {
+  const bool imaging = message.camera().has_sensor() && message.has_lens() &&
+                       message.laser().has_power_w() && !message.materials().empty();
+  if (!message.has_detectability()) {
+    if (imaging && inspection->defaults != DefaultsVersion::k0_1) {
+      inspection->detectability.emplace();
+    }
+    return absl::OkStatus();
+  }
+  absl::StatusOr<Detectability> detectability =
+      ParseDetectability(message.detectability(), context);
+  if (!detectability.ok()) return detectability.status();
+  inspection->detectability = *std::move(detectability);
+  if (!inspection->detectability->materials.empty()) return absl::OkStatus();
+  ErrorList missing;
+  for (const auto& [given, name] : {std::pair(message.camera().has_sensor(), "camera.sensor"),
+                                    std::pair(message.has_lens(), "lens"),
+                                    std::pair(message.laser().has_power_w(), "laser.power_w")}) {
+    if (given) continue;
+    missing.Add(check.Error(name, "is missing: detectability without a table needs it"));
+  }
+  return missing.Status();
+}
+
+}  // namespace
+
 absl::StatusOr<Inspection> ParseInspection(const v1::Inspection& given, const std::string& context,
                                            const std::string& base_folder) {
   ErrorList errors;
@@ -700,6 +731,7 @@ absl::StatusOr<Inspection> ParseInspection(const v1::Inspection& given, const st
   } else if (message.has_optics() && !message.has_lens()) {
     errors.Add(check.Error("optics", "is given without a lens"));
   }
+  errors.Add(ParseLightLimit(message, check, context, &inspection));
   if (!errors.empty()) return errors.Status();
   return inspection;
 }

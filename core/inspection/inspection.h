@@ -10,6 +10,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "core/detectability/detectability.h"
 #include "core/inspection/optics_planning.h"
 #include "core/inspection/robot_mount.h"
 #include "core/rig/measurement.h"
@@ -223,6 +224,8 @@ struct Inspection {
   v1::Lighting lighting;  // radiances and places are checked, spectra by the renderer
   RenderSettings render;
   std::vector<EffectChoice> effects;
+  // Unset: the light of the material limits no target.
+  std::optional<Detectability> detectability;
   // Ranges that the choice of the optics may vary; set with a lens, every default filled in.
   std::optional<OpticsPlanning> optics;
 };

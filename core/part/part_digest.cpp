@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <bit>
 #include <cstdint>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
@@ -21,6 +22,32 @@ bool IsHexDigit(char c) { return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'f'
 
 void AppendLittleEndian(uint32_t word, std::string* bytes) {
   for (int shift = 0; shift < 32; shift += 8) *bytes += static_cast<char>(word >> shift);
+}
+
+bool IsHex64(std::string_view text) {
+  return text.size() == kHexDigits && std::all_of(text.begin(), text.end(), IsHexDigit);
+}
+
+// The order of the names in the file does not count: materials are numbered as triangles name them.
+std::string MaterialsDigest(const TriangleMesh& mesh) {
+  Sha256 hash;
+  std::string bytes;
+  std::vector<int64_t> number_of(mesh.material_names.size(), -1);
+  uint32_t next = 0;
+  for (const uint16_t material : mesh.triangle_material) {
+    if (number_of[material] < 0) {
+      const std::string& name = mesh.material_names[material];
+      number_of[material] = next++;
+      AppendLittleEndian(static_cast<uint32_t>(name.size()), &bytes);
+      bytes += name;
+    }
+    AppendLittleEndian(static_cast<uint32_t>(number_of[material]), &bytes);
+    if (bytes.size() < kBufferedBytes) continue;
+    hash.Update(bytes);
+    bytes.clear();
+  }
+  hash.Update(bytes);
+  return hash.Hex();
 }
 
 }  // namespace
@@ -61,13 +88,35 @@ absl::StatusOr<PartDigest> ParsePartDigest(std::string_view text) {
     digest.rule = good_rule ? static_cast<int>(*rule) : 0;
     digest.hex = text.substr(colon + 1);
   }
-  if (!good_rule || digest.hex.size() != kHexDigits ||
-      !std::all_of(digest.hex.begin(), digest.hex.end(), IsHexDigit)) {
+  if (!good_rule || !IsHex64(digest.hex)) {
     return absl::InvalidArgumentError(
         "is no digest of a part, must be the number of its rule, a colon and 64 lower-case "
         "hexadecimal digits");
   }
   return digest;
+}
+
+std::string PartNameWithMaterials(const TriangleMesh& mesh) {
+  const std::string digest = PartDigestOf(mesh).Text();
+  if (mesh.triangle_material.empty()) return digest;
+  return absl::StrCat(digest, "+", MaterialsDigest(mesh));
+}
+
+absl::StatusOr<PartName> ParsePartName(std::string_view text) {
+  PartName name;
+  if (const size_t plus = text.find('+'); plus != std::string_view::npos) {
+    name.materials = text.substr(plus + 1);
+    if (!IsHex64(name.materials)) {
+      return absl::InvalidArgumentError(
+          "is no name of a part with materials, must end with \"+\" and 64 lower-case hexadecimal "
+          "digits");
+    }
+    text = text.substr(0, plus);
+  }
+  absl::StatusOr<PartDigest> digest = ParsePartDigest(text);
+  if (!digest.ok()) return digest.status();
+  name.digest = *std::move(digest);
+  return name;
 }
 
 DigestComparison Compare(const PartDigest& a, const PartDigest& b) {

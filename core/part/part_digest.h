@@ -43,6 +43,19 @@ PartDigest PartDigestOf(const TriangleMesh& mesh);
 // starts with "is ...".
 absl::StatusOr<PartDigest> ParsePartDigest(std::string_view text);
 
+// Name of a part whose materials count too: the digest's text, "+" and the SHA-256 of the materials
+// of its triangles. The digest's text alone for a mesh without materials. Scenes that light limits
+// name their part so (v1::SceneSpec.part_digest).
+std::string PartNameWithMaterials(const TriangleMesh& mesh);
+
+// The two parts of such a name; `materials` is empty for a digest's text alone.
+struct PartName {
+  PartDigest digest;
+  std::string materials;  // SHA-256, 64 lower-case hexadecimal digits
+};
+// The message of INVALID_ARGUMENT starts with "is ...".
+absl::StatusOr<PartName> ParsePartName(std::string_view text);
+
 enum class DigestComparison { kSame, kOtherPart, kOtherRule };
 DigestComparison Compare(const PartDigest& a, const PartDigest& b);
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // PLY: ASCII, binary little- and big-endian. Elements other than vertices and faces are stepped
-// over; so are their other properties. Bytes behind the last element of the header are an error:
+// over; so are their other properties. Materials are read from files like those that EncodePly
+// writes: an element `material` before the faces with a list `name` of bytes, and a property
+// `material_index` of the faces. Bytes behind the last element of the header are an error:
 // the header counts wrongly, or the file is two.
 #include <algorithm>
 #include <bit>
@@ -275,6 +277,7 @@ absl::StatusOr<RawMesh> ReadPly(std::string_view file, const StopCheck& stop) {
   PolygonCutter cutter(stop);
   std::vector<uint32_t> corners;
   bool vertices_read = false;
+  std::vector<std::string> material_names;
   for (const Element& element : elements) {
     // An error at the number that was read last, in element `i` (counted from 0).
     const auto wrong = [&](uint64_t i, const std::string& reason) {
@@ -294,7 +297,8 @@ absl::StatusOr<RawMesh> ReadPly(std::string_view file, const StopCheck& stop) {
       return absl::InvalidArgumentError("triangle strips are not supported: export faces");
     }
     std::array<int, 3> axis_of = {-1, -1, -1}, normal_axis_of = {-1, -1, -1};
-    int list_of_face = -1;
+    int list_of_face = -1, material_of_face = -1;
+    const bool is_material = element.name == "material";
     for (size_t k = 0; k < element.properties.size(); ++k) {
       const Property& property = element.properties[k];
       for (int axis = 0; axis < 3; ++axis) {
@@ -308,6 +312,10 @@ absl::StatusOr<RawMesh> ReadPly(std::string_view file, const StopCheck& stop) {
         if (!property.count_type && property.name == std::string({'n', "xyz"[axis]})) {
           normal_axis_of[axis] = static_cast<int>(k);
         }
+      }
+      if (is_face && !property.count_type && property.name == "material_index" &&
+          property.type < Number::kFloat && !material_names.empty()) {
+        material_of_face = static_cast<int>(k);
       }
       if (property.count_type &&
           (property.name == "vertex_indices" || property.name == "vertex_index")) {
@@ -345,6 +353,8 @@ absl::StatusOr<RawMesh> ReadPly(std::string_view file, const StopCheck& stop) {
       }
       Eigen::Vector3d position = Eigen::Vector3d::Zero(), normal = Eigen::Vector3d::Zero();
       size_t first_line = 0;  // with a number of this element
+      double material = -1;   // of a face
+      if (is_material) material_names.emplace_back();
       for (size_t k = 0; k < element.properties.size(); ++k) {
         const Property& property = element.properties[k];
         double value = 0;
@@ -355,6 +365,7 @@ absl::StatusOr<RawMesh> ReadPly(std::string_view file, const StopCheck& stop) {
             if (axis_of[axis] == static_cast<int>(k)) position[axis] = value;
             if (normal_axis_of[axis] == static_cast<int>(k)) normal[axis] = value;
           }
+          if (material_of_face == static_cast<int>(k)) material = value;
           continue;
         }
         double count = 0;
@@ -368,6 +379,8 @@ absl::StatusOr<RawMesh> ReadPly(std::string_view file, const StopCheck& stop) {
                                        " values, ", body.Left(), " bytes are left"));
         }
         const bool is_outline = is_face && static_cast<int>(k) == list_of_face;
+        const bool is_name =
+            is_material && property.name == "name" && property.type == Number::kUint8;
         if (is_outline && count < 3) {
           return wrong(i, absl::StrCat("has ", count, " vertices, needs at least 3"));
         }
@@ -379,6 +392,7 @@ absl::StatusOr<RawMesh> ReadPly(std::string_view file, const StopCheck& stop) {
         for (uint64_t n = 0; n < static_cast<uint64_t>(count); ++n) {
           double index = 0;
           if (!body.Read(property.type, &index)) return unreadable(i);
+          if (is_name) material_names.back() += static_cast<char>(static_cast<uint8_t>(index));
           if (!is_outline) continue;
           if (!(index >= 0 && index < static_cast<double>(mesh.positions.size())) ||
               index != static_cast<double>(static_cast<uint32_t>(index))) {
@@ -400,6 +414,13 @@ absl::StatusOr<RawMesh> ReadPly(std::string_view file, const StopCheck& stop) {
                          "line ", first_line, ": ", Excerpt(element.name), " ", i,
                          " has fewer numbers on its line than the header has properties, and line ",
                          last_line, " has more"));
+      }
+      if (material_of_face >= 0) {
+        if (!(material >= 0 && material < static_cast<double>(material_names.size()))) {
+          return wrong(i, absl::StrCat("has material_index ", material, ", there are ",
+                                       material_names.size(), " materials"));
+        }
+        mesh.SetMaterialOfNewTriangles(material_names[static_cast<size_t>(material)]);
       }
       if (is_vertex) mesh.positions.push_back(position);
       if (has_normals) mesh.normals.push_back(normal);

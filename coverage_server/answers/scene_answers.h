@@ -99,6 +99,8 @@ enum class UncoveredReason {
   kObstacle,
   kCollision,
   kTravel,
+  kTooDark,
+  kTooBright,
 };
 
 struct TargetExplanation {
@@ -108,6 +110,9 @@ struct TargetExplanation {
   int obstacle = -1;
   int tried_scans = 0;
   int scans_with_reason = 0;
+  // kTooDark: shortest exposure that would show the line, least of the scans with the reason;
+  // infinite: none would. kTooBright: longest, greatest of them. 0 with other reasons.
+  double exposure_time_s = 0;
   Measurement scan;  // of targets that were not chosen: one that measures it
 };
 

@@ -38,6 +38,8 @@ enum Condition : uint32_t {
   kLaserHidden = 1 << 6,
   kCollision = 1 << 7,
   kTravel = 1 << 8,
+  kTooDark = 1 << 9,
+  kTooBright = 1 << 10,
 };
 
 struct Failures {
@@ -45,6 +47,7 @@ struct Failures {
   // Bit i: obstacle i hides the place.
   uint64_t camera_obstacles = 0, laser_obstacles = 0;
   int touched_obstacle = -1;  // by camera or laser
+  double exposure_time_s = 0;  // that would show the line, with kTooDark and kTooBright
 
   int Conditions() const {
     return std::popcount(conditions) + std::popcount(camera_obstacles) +
@@ -70,8 +73,10 @@ class Tally {
       nearly_passed_ = false;
     }
     nearly_passed_ = nearly_passed_ || failures.Conditions() == 1;
-    const auto add = [this](UncoveredReason reason, int obstacle) {
-      ++by_reason_[{reason, obstacle}];
+    const auto add = [this](UncoveredReason reason, int obstacle) -> Votes& {
+      Votes& votes = by_reason_[{reason, obstacle}];
+      ++votes.count;
+      return votes;
     };
     const uint32_t c = failures.conditions;
     if (c & (kCameraAngle | kLaserAngle)) add(UncoveredReason::kAngle, -1);
@@ -85,18 +90,29 @@ class Tally {
     }
     if (c & kCollision) add(UncoveredReason::kCollision, failures.touched_obstacle);
     if (c & kTravel) add(UncoveredReason::kTravel, -1);
+    if (c & kTooDark) {
+      Votes& votes = add(UncoveredReason::kTooDark, -1);
+      votes.exposure_time_s = votes.count == 1
+                                  ? failures.exposure_time_s
+                                  : std::min(votes.exposure_time_s, failures.exposure_time_s);
+    }
+    if (c & kTooBright) {
+      Votes& votes = add(UncoveredReason::kTooBright, -1);
+      votes.exposure_time_s = std::max(votes.exposure_time_s, failures.exposure_time_s);
+    }
     return true;
   }
 
   // The best reason among the scans added; there is at least one, and none passed.
   TargetExplanation Reason() const {
     TargetExplanation best;
-    for (const auto& [key, count] : by_reason_) {
+    for (const auto& [key, votes] : by_reason_) {
       // The map is in the order of the chain.
-      if (count <= best.scans_with_reason) continue;
+      if (votes.count <= best.scans_with_reason) continue;
       best.reason = key.first;
       best.obstacle = key.second;
-      best.scans_with_reason = count;
+      best.scans_with_reason = votes.count;
+      best.exposure_time_s = votes.exposure_time_s;
     }
     return best;
   }
@@ -104,7 +120,11 @@ class Tally {
  private:
   int fewest_ = 1 << 20;
   bool nearly_passed_ = false;
-  std::map<std::pair<UncoveredReason, int>, int> by_reason_;
+  struct Votes {
+    int count = 0;
+    double exposure_time_s = 0;  // least of too dark scans, greatest of too bright ones
+  };
+  std::map<std::pair<UncoveredReason, int>, Votes> by_reason_;
 };
 
 // Whether a parameter's domain is a whole turn, so that steps wrap around.
@@ -144,7 +164,7 @@ class Explainer {
     return cancelled != nullptr && cancelled->load(std::memory_order_relaxed);
   }
 
-  TargetExplanation Found() const { return {UncoveredReason::kNotChosen, -1, tried_, 0, found_}; }
+  TargetExplanation Found() const { return {UncoveredReason::kNotChosen, -1, tried_, 0, 0, found_}; }
 
   bool TryNearBest(const std::atomic<bool>* cancelled) {
     const std::array<bool, kAimDimensions> turns = WholeTurns(*task_.domain);
@@ -252,6 +272,14 @@ class Explainer {
         !InColumns(in_part, from_camera, depth_m) || !InRange(in_part, from_camera) ||
         !InFan(in_part, place_ - laser_at)) {
       failures.conditions |= kRange;
+    }
+    if (task_.light != nullptr && faces_camera && faces_laser) {
+      const int16_t entry = task_.light->EntryOf(task_.targets->triangles[target_]);
+      const LightOfPlace light =
+          task_.light->At(entry, normal, scan.to_camera_m, scan.to_laser_m);
+      if (light.verdict == LightVerdict::kTooDark) failures.conditions |= kTooDark;
+      if (light.verdict == LightVerdict::kTooBright) failures.conditions |= kTooBright;
+      failures.exposure_time_s = light.exposure_time_s;
     }
     if (hopeless()) return failures;
 

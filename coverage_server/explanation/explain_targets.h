@@ -8,6 +8,8 @@
 //   - faces camera and laser (angle; what faces away is hidden by its own part as well),
 //   - is imaged finely enough (footprint) and sharply enough (defocus),
 //   - lies in the image, the laser's fan and range (range),
+//   - shows the laser line with a permitted exposure (too dark, too bright; asked only of targets
+//     that face both sensors),
 //   - is hidden by the part or by an obstacle, from the camera and from the laser,
 // and whether camera or laser touch anything then (collision). Each counts, the two sensors
 // separately, and range twice: neither sensor sees a target that is elsewhere when it is lit. (Were
@@ -16,7 +18,7 @@
 // is asked whether it can be carried out as a whole: without a collision, and without more travel
 // than there is. If one can, the target was not chosen. If none can, the reason is the condition
 // that most of the scans with the fewest failed conditions fail at, at equal numbers the first in
-// the order above.
+// the order above, with light last.
 #pragma once
 
 #include <Eigen/Core>
@@ -31,6 +33,7 @@
 #include "core/targets/target_set.h"
 #include "coverage_server/answers/scene_answers.h"
 #include "coverage_server/collision/collision.h"
+#include "coverage_server/detectability/light_limit.h"
 
 namespace sightline {
 
@@ -55,6 +58,7 @@ struct ExplanationTask {
   // Every obstacle by itself, to find out which one camera or laser touch.
   const std::vector<std::vector<Occluder>>* single_obstacles = nullptr;
   Eigen::Vector3d part_centre_m = Eigen::Vector3d::Zero();
+  const LightLimit* light = nullptr;  // null: light limits nothing
   // Carries out a scan that lights the target at `stage_m`.
   std::function<CarriedOut(const Measurement&, double stage_m)> carry_out;
 };

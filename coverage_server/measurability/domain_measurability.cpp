@@ -101,6 +101,7 @@ struct DomainMeasurability::TargetState {
   std::vector<uint8_t> cell_open;  // of the field's map: seen and on the near side
   // Cells of the finer map: 0 not asked yet, 1 open, 2 closed.
   std::vector<uint8_t> fine;
+  int16_t light_entry = LightLimit::kUnlimited;
   int scans = 0;  // evaluated exactly
 };
 
@@ -108,13 +109,16 @@ DomainMeasurability::DomainMeasurability(const Rig& rig, const TargetSampling& s
                                          const MeasurementDomain& domain,
                                          const Eigen::Vector3d& part_centre_m,
                                          const VisibilityField& field,
-                                         const std::vector<Occluder>& occluders)
+                                         const std::vector<Occluder>& occluders,
+                                         const LightLimit* light)
     : field_(field),
       occluders_(occluders),
       part_centre_m_(part_centre_m.cast<float>()),
       fine_{2 * field.map().side},
       azimuth_(domain.parameters[kCameraAzimuth]),
-      gamma_(domain.parameters[kPartGamma]) {
+      gamma_(domain.parameters[kPartGamma]),
+      light_(light),
+      laser_distance_m_(rig.laser.distance_m) {
   for (int c = 0; c < fine_.cells(); ++c) fine_directions_.push_back(fine_.Direction(c));
   if (sampling.max_incidence_rad) {
     min_cos_incidence_ = static_cast<float>(std::max(0.0, std::cos(*sampling.max_incidence_rad)));
@@ -135,7 +139,7 @@ DomainMeasurability::DomainMeasurability(const Rig& rig, const TargetSampling& s
       other_obstacles_ = true;
     }
   }
-  exact_.emplace(rig, sampling, part_centre_m, occluders, the_table);
+  exact_.emplace(rig, sampling, part_centre_m, occluders, the_table, light);
   for (int i = 0; i < kPolars; ++i) {
     const auto drop = [&](const std::vector<Body>& bodies) {
       return static_cast<float>(DropOf(bodies, rig.clearance_m, PolarOf(i)));
@@ -359,10 +363,28 @@ bool DomainMeasurability::ScanMeasures(const Rest& rest, const PairScan& scan, d
     const Eigen::Vector3d lit_at_m =
         distance_m * axis - range_m * sight - range_m * std::tan(tilt_rad) * line;
     if (exact_->Measures(m, rest.table_height_m, state.target_m, state.normal.cast<double>(),
-                         lit_at_m)) {
+                         state.light_entry, lit_at_m)) {
       return true;
     }
     if (scan.distances_m.front() == scan.distances_m.back()) break;
+  }
+  return false;
+}
+
+bool DomainMeasurability::MayShow(const PairScan& scan, const TargetState& state,
+                                  const Eigen::Vector3f& normal, const Eigen::Vector3f& to_camera,
+                                  const Eigen::Vector3f& to_laser) const {
+  // Directions along the laser line and distances of the laser are near those of the scans only.
+  constexpr double kSlack = 1.5;
+  if (light_ == nullptr || state.light_entry == LightLimit::kUnlimited) return true;
+  for (const double distance_m : scan.distances_m) {
+    const double range_m =
+        distance_m * std::sin(scan.tau_rad) / std::sin(scan.tau_rad - scan.off_axis_rad);
+    const LightOfPlace light =
+        light_->At(state.light_entry, range_m, laser_distance_m_.value_or(distance_m),
+                   double{normal.dot(to_camera)}, double{normal.dot(to_laser)},
+                   double{to_camera.dot(to_laser)}, kSlack);
+    if (light.verdict == LightVerdict::kDetected) return true;
   }
   return false;
 }
@@ -377,11 +399,13 @@ bool DomainMeasurability::PairMeasures(const Rest& rest, const Arc& arc, const P
   for (const PairScan& scan : scans) {
     for (const double step_rad : {0.0, beside_rad, -beside_rad}) {
       const double azimuth = arc.azimuth_rad + step_rad;
-      const auto too_steep = [&](double polar_rad) {
-        return normal.dot(DirectionOf(polar_rad, azimuth, arc.tilt_rad)) <
-               min_cos_incidence_ - slack;
+      const Eigen::Vector3f to_camera = DirectionOf(scan.CameraPolar(), azimuth, arc.tilt_rad),
+                            to_laser = DirectionOf(scan.LaserPolar(), azimuth, arc.tilt_rad);
+      const auto too_steep = [&](const Eigen::Vector3f& direction) {
+        return normal.dot(direction) < min_cos_incidence_ - slack;
       };
-      if (too_steep(scan.CameraPolar()) || too_steep(scan.LaserPolar())) continue;
+      if (too_steep(to_camera) || too_steep(to_laser)) continue;
+      if (!MayShow(scan, state, normal, to_camera, to_laser)) continue;
       // A full turn of the part keeps the sensors where they are; one of the sensors, the part.
       const double gamma = FullTurn(gamma_) ? arc.gamma_rad - step_rad : arc.gamma_rad;
       for (const double turn : TurnsAt(azimuth, gamma)) {
@@ -499,6 +523,7 @@ void DomainMeasurability::Keep(const TargetSet& targets, size_t begin, size_t en
     state.target_m = targets.positions_m[t].cast<double>();
     state.normal = targets.normals[t];
     state.place = targets.positions_m[t] + kLiftM * state.normal;
+    if (light_ != nullptr) state.light_entry = light_->EntryOf(targets.triangles[t]);
     state.cell_open.assign(map.cells(), 0);
     for (int c = 0; c < map.cells(); ++c) {
       // Directions of a cell may be on the near side where its middle is not.

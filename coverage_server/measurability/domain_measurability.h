@@ -27,10 +27,12 @@ namespace sightline {
 // with anything but the table, and obstacles that stand still.
 class DomainMeasurability {
  public:
-  // `part_centre_m`: reference point of offsets. `field` and `occluders` must outlive it.
+  // `part_centre_m`: reference point of offsets. `field`, `occluders` and `light` must outlive it.
+  // `light`: null where light limits nothing.
   DomainMeasurability(const Rig& rig, const TargetSampling& sampling,
                       const MeasurementDomain& domain, const Eigen::Vector3d& part_centre_m,
-                      const VisibilityField& field, const std::vector<Occluder>& occluders);
+                      const VisibilityField& field, const std::vector<Occluder>& occluders,
+                      const LightLimit* light = nullptr);
 
   // Least and largest angle between camera and laser that domain and limits leave; least above
   // largest: none.
@@ -96,6 +98,10 @@ class DomainMeasurability {
   // Whether scans of this pair of polar angles, or of one beside it in azimuth, measure the target.
   bool PairMeasures(const Rest& rest, const Arc& arc, const PairScans& scans,
                     TargetState& state) const;
+  // Whether some distance of the pair's scans may have enough light, a little generously: the
+  // exact evaluation asks again, and of fewer scans.
+  bool MayShow(const PairScan& scan, const TargetState& state, const Eigen::Vector3f& normal,
+               const Eigen::Vector3f& to_camera, const Eigen::Vector3f& to_laser) const;
   bool ScanMeasures(const Rest& rest, const PairScan& scan, double azimuth_rad, double gamma_rad,
                     double tilt_rad, TargetState& state) const;
 
@@ -117,6 +123,8 @@ class DomainMeasurability {
   // Radius of the table: circle within it about the part's centre; 0: none.
   float table_radius_m_ = 0;
   float min_cos_incidence_ = 0;   // of directions to camera and laser
+  const LightLimit* light_ = nullptr;
+  std::optional<double> laser_distance_m_;  // unset: that of the camera
   bool other_obstacles_ = false;  // some travel with the stage beside the table
   std::optional<PlaceMeasurement> exact_;
 };

@@ -30,6 +30,42 @@ uint32_t OpenDirections(const std::vector<Occluder>& occluders, const Eigen::Vec
   return open;
 }
 
+// Whether a permitted exposure shows the line on a target.
+class LightOnTarget {
+ public:
+  LightOnTarget(const DirectionLimits& limits, uint32_t triangle) : limits_(limits) {
+    if (limits.light == nullptr || limits.light_map == nullptr) return;
+    entry_ = limits.light->EntryOf(triangle);
+  }
+
+  // False: with a direction at this cosine to the normal, none of all pairs shows the line.
+  bool MayShow(float cosine) const {
+    if (entry_ == LightLimit::kUnlimited) return true;
+    const LightMap& map = *limits_.light_map;
+    const auto nearest_m =
+        static_cast<float>(limits_.laser_distance_m.value_or(map.BinDistance(0)));
+    return map.FarthestLaser(entry_, cosine) >= nearest_m;
+  }
+  // Cosines between the normal and two directions, and between these.
+  bool Shows(float cos_a, float cos_b, float cos_between) const {
+    if (entry_ == LightLimit::kUnlimited) return true;
+    const LightMap& map = *limits_.light_map;
+    for (int bin = 0; bin < map.bins(); ++bin) {
+      const float camera_m = map.BinDistance(bin);
+      const float laser_m = static_cast<float>(limits_.laser_distance_m.value_or(camera_m));
+      if (map.Detects(entry_, camera_m, laser_m, cos_a, cos_b, cos_between) ||
+          map.Detects(entry_, camera_m, laser_m, cos_b, cos_a, cos_between)) {
+        return true;
+      }
+    }
+    return false;
+  }
+
+ private:
+  const DirectionLimits& limits_;
+  int16_t entry_ = LightLimit::kUnlimited;
+};
+
 }  // namespace
 
 void MarkMeasurable(const TargetSet& targets, const VisibilityField& field,
@@ -48,8 +84,9 @@ void MarkMeasurable(const TargetSet& targets, const VisibilityField& field,
   for (int c = 0; c < fine.cells(); ++c) fine_directions[c] = fine.Direction(c);
   std::vector<int> candidates, refined, open;
 
-  // Some pair of the cells is open and far enough apart, but not too far.
-  const auto has_open_pair = [&](const Eigen::Vector3f& from,
+  // Some pair of the cells is open and far enough apart, but not too far, and shows the line.
+  const auto has_open_pair = [&](const Eigen::Vector3f& from, const Eigen::Vector3f& normal,
+                                 const LightOnTarget& light,
                                  const std::vector<Eigen::Vector3f>& all,
                                  const std::vector<int>& asked) {
     open.clear();
@@ -65,7 +102,10 @@ void MarkMeasurable(const TargetSet& targets, const VisibilityField& field,
         if (!((bits >> k) & 1)) continue;
         for (const int other : open) {
           const float cosine = all[cells[k]].dot(all[other]);
-          if (cosine <= cos_min && cosine >= cos_max) return true;
+          if (cosine <= cos_min && cosine >= cos_max &&
+              light.Shows(normal.dot(all[cells[k]]), normal.dot(all[other]), cosine)) {
+            return true;
+          }
         }
         open.push_back(cells[k]);
       }
@@ -79,22 +119,27 @@ void MarkMeasurable(const TargetSet& targets, const VisibilityField& field,
     if (cancelled != nullptr && cancelled->load(std::memory_order_relaxed)) return;
     const Eigen::Vector3f normal = targets.normals[t],
                           from = targets.positions_m[t] + kLiftM * normal;
+    const LightOnTarget light(limits, targets.triangles.empty() ? 0 : targets.triangles[t]);
     candidates.clear();
     for (int c = 0; c < map.cells(); ++c) {
-      if (field.Probes(t, c) != 0 && normal.dot(directions[c]) > least_cosine)
+      const float cosine = normal.dot(directions[c]);
+      if (field.Probes(t, c) != 0 && cosine > least_cosine && light.MayShow(cosine)) {
         candidates.push_back(c);
+      }
     }
-    bool found = has_open_pair(from, directions, candidates);
+    bool found = has_open_pair(from, normal, light, directions, candidates);
     if (!found) {
       refined.clear();
       for (const int c : candidates) {
         for (int i = 0; i < 4; ++i) {
           const int row = 2 * (c / map.side) + i / 2, column = 2 * (c % map.side) + i % 2;
-          if (normal.dot(fine_directions[row * fine.side + column]) > least_cosine)
+          const float cosine = normal.dot(fine_directions[row * fine.side + column]);
+          if (cosine > least_cosine && light.MayShow(cosine)) {
             refined.push_back(row * fine.side + column);
+          }
         }
       }
-      found = has_open_pair(from, fine_directions, refined);
+      found = has_open_pair(from, normal, light, fine_directions, refined);
     }
     if (found) measurable.Set(t);
   }

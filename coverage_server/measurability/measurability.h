@@ -3,10 +3,13 @@
 #pragma once
 
 #include <atomic>
+#include <optional>
 #include <vector>
 
 #include "core/targets/target_set.h"
 #include "coverage_server/collision/collision.h"
+#include "coverage_server/detectability/light_limit.h"
+#include "coverage_server/detectability/light_map.h"
 #include "coverage_server/visibility/visibility_field.h"
 
 namespace sightline {
@@ -15,6 +18,11 @@ namespace sightline {
 struct DirectionLimits {
   double min_angle_rad, max_angle_rad;  // between the two directions
   double min_cos_incidence = 0;         // least cosine between each direction and the normal
+  // With both set: a permitted exposure shows the line from the two directions, either of which may
+  // be the camera's, at some camera distance of the material's table.
+  const LightLimit* light = nullptr;
+  const LightMap* light_map = nullptr;
+  std::optional<double> laser_distance_m = std::nullopt;  // unset: that of the camera
 
   bool operator==(const DirectionLimits&) const = default;
 };

@@ -13,12 +13,14 @@ namespace sightline {
 
 PlaceMeasurement::PlaceMeasurement(const Rig& rig, const TargetSampling& sampling,
                                    const Eigen::Vector3d& part_centre_m,
-                                   const std::vector<Occluder>& occluders, const Occluder* table)
+                                   const std::vector<Occluder>& occluders, const Occluder* table,
+                                   const LightLimit* light)
     : rig_(rig),
       sampling_(sampling),
       part_centre_m_(part_centre_m),
       occluders_(occluders),
-      table_(table) {
+      table_(table),
+      light_(light) {
   rig_.part_support_points_m.reset();
 }
 
@@ -36,7 +38,7 @@ bool PlaceMeasurement::TouchesTable(const ScanGeometry& geometry) const {
 
 bool PlaceMeasurement::Measures(const Measurement& measurement, double table_height_m,
                                 const Eigen::Vector3d& place_m, const Eigen::Vector3d& normal,
-                                const Eigen::Vector3d& lit_at_m) const {
+                                int16_t light_entry, const Eigen::Vector3d& lit_at_m) const {
   ScanGeometry geometry = MakeScanGeometry(rig_, measurement);
   geometry.table_height_m = table_height_m;
   geometry.part_offset_m = lit_at_m - geometry.part_rotation * (place_m - part_centre_m_);
@@ -64,6 +66,10 @@ bool PlaceMeasurement::Measures(const Measurement& measurement, double table_hei
       !FineInDepth(limits, from_camera, depth_m) || !InRows(scan, from_camera, depth_m) ||
       !InColumns(scan, from_camera, depth_m) || !InRange(scan, from_camera) ||
       !InFan(scan, from_laser)) {
+    return false;
+  }
+  if (light_ != nullptr && light_->At(light_entry, normal, -from_camera, -from_laser).verdict !=
+                               LightVerdict::kDetected) {
     return false;
   }
   const Eigen::Vector3f place = place_m.cast<float>(), camera = scan.camera.origin_m.cast<float>(),

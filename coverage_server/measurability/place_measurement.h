@@ -10,26 +10,29 @@
 #include "core/rig/rig.h"
 #include "core/targets/target_set.h"
 #include "coverage_server/collision/collision.h"
+#include "coverage_server/detectability/light_limit.h"
 
 namespace sightline {
 
 // Conditions of the exact evaluation at one place: incidence, footprint, depth per pixel, defocus,
-// image, fan and range; segments to both sensors that neither the part nor what travels with the
+// image, fan and range; an exposure that shows the line; segments to both sensors that neither the part nor what travels with the
 // stage blocks; bodies that do not touch one another and keep Rig::clearance_m to the table.
 // Offsets are not limited, and obstacles that stand still are not considered.
 class PlaceMeasurement {
  public:
-  // `occluders` must outlive it. `table`: the one of them that must not be touched; may be null.
+  // `occluders` and `light` must outlive it. `table`: the one of them that must not be touched; may
+  // be null. `light`: null where light limits nothing.
   PlaceMeasurement(const Rig& rig, const TargetSampling& sampling,
                    const Eigen::Vector3d& part_centre_m, const std::vector<Occluder>& occluders,
-                   const Occluder* table);
+                   const Occluder* table, const LightLimit* light);
 
   // Whether the scan measures `place_m` (part coordinates, unit normal `normal`) when the offsets
   // bring it to `lit_at_m`, a point of the laser sheet in world coordinates with the stage at 0.
-  // `table_height_m`: as in ScanGeometry. The offsets of `measurement` are not read.
+  // `table_height_m`: as in ScanGeometry. `light_entry`: of the place's triangle. The offsets of
+  // `measurement` are not read.
   bool Measures(const Measurement& measurement, double table_height_m,
                 const Eigen::Vector3d& place_m, const Eigen::Vector3d& normal,
-                const Eigen::Vector3d& lit_at_m) const;
+                int16_t light_entry, const Eigen::Vector3d& lit_at_m) const;
 
  private:
   bool TouchesTable(const ScanGeometry& geometry) const;
@@ -39,6 +42,7 @@ class PlaceMeasurement {
   Eigen::Vector3d part_centre_m_;
   const std::vector<Occluder>& occluders_;
   const Occluder* table_;
+  const LightLimit* light_;
 };
 
 }  // namespace sightline

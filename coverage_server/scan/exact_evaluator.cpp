@@ -49,7 +49,8 @@ std::vector<MeasurementPoint> MeasureScan(const TriangleMesh& part, const Rig& r
                                           const Eigen::Vector3d& part_centre_m,
                                           const std::vector<Occluder>& occluders,
                                           const ScanGeometry& geometry, const PointLimits& depth,
-                                          const std::atomic<bool>* cancelled) {
+                                          const std::atomic<bool>* cancelled,
+                                          const LightLimit* light) {
   std::vector<MeasurementPoint> points;
   const ScanInPart scan = MakeScanInPart(rig, part_centre_m, geometry, depth);
   if (!scan.sweeps) return points;
@@ -194,7 +195,14 @@ std::vector<MeasurementPoint> MeasureScan(const TriangleMesh& part, const Rig& r
     RemoveOccluded(occluders, geometry, part_centre_m, stage_m, camera_at.cast<float>(),
                    candidates);
     for (const Candidate& c : candidates) {
-      points.push_back({c.point, part.Normal(c.triangle).cast<float>(), frame, c.column});
+      const Eigen::Vector3d normal = part.Normal(c.triangle);
+      if (light != nullptr) {
+        const Eigen::Vector3d place = c.point.cast<double>();
+        const LightOfPlace here = light->At(light->EntryOf(c.triangle), normal, camera_at - place,
+                                            laser_at - place);
+        if (here.verdict != LightVerdict::kDetected) continue;
+      }
+      points.push_back({c.point, normal.cast<float>(), frame, c.column});
     }
   }
   return points;

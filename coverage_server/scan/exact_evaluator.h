@@ -16,28 +16,31 @@
 #include "core/rig/scan_geometry.h"
 #include "coverage_server/answers/scene_answers.h"
 #include "coverage_server/collision/collision.h"
+#include "coverage_server/detectability/light_limit.h"
 #include "coverage_server/scan/measured_scans.h"
 #include "coverage_server/scan/scan_in_part.h"
 
 namespace sightline {
 
 // All measured points in order of frame, column, depth. `occluders[0]` is the part. Points lie on
-// triangles that face both camera and laser. Empty if the sheet holds the scan direction. Stops
-// early when *cancelled.
+// triangles that face both camera and laser, and with `light` where a permitted exposure shows the
+// line. Empty if the sheet holds the scan direction. Stops early when *cancelled.
 std::vector<MeasurementPoint> MeasureScan(const TriangleMesh& part, const Rig& rig,
                                           const Eigen::Vector3d& part_centre_m,
                                           const std::vector<Occluder>& occluders,
                                           const ScanGeometry& geometry, const PointLimits& depth,
-                                          const std::atomic<bool>* cancelled);
+                                          const std::atomic<bool>* cancelled,
+                                          const LightLimit* light = nullptr);
 
 inline std::vector<MeasurementPoint> MeasureScan(const TriangleMesh& part, const Rig& rig,
                                                  const Eigen::Vector3d& part_centre_m,
                                                  const std::vector<Occluder>& occluders,
                                                  const Measurement& measurement,
                                                  const PointLimits& depth,
-                                                 const std::atomic<bool>* cancelled) {
+                                                 const std::atomic<bool>* cancelled,
+                                                 const LightLimit* light = nullptr) {
   return MeasureScan(part, rig, part_centre_m, occluders, MakeScanGeometry(rig, measurement), depth,
-                     cancelled);
+                     cancelled, light);
 }
 
 }  // namespace sightline

@@ -220,6 +220,50 @@ bool HiddenByBox(const ScanInPart& scan, const FloatScan& f, const Eigen::Vector
   return false;
 }
 
+// Places and normals of one table, and whether a permitted exposure shows the line there.
+struct LitPlaces {
+  alignas(64) float x[kTargetsPerBlock], y[kTargetsPerBlock], z[kTargetsPerBlock];
+  alignas(64) float nx[kTargetsPerBlock], ny[kTargetsPerBlock], nz[kTargetsPerBlock];
+  // Cells of the map before those of the place's table.
+  alignas(64) int32_t first_cell[kTargetsPerBlock];
+  alignas(64) int32_t shows[kTargetsPerBlock];
+};
+
+// LightMap::Detects of the first `count` places at their lit moments, vectorised. `count` is a
+// multiple of kLitStep.
+constexpr int kLitStep = 8;
+SIGHTLINE_CLONES("avx512f", "avx2")
+void AskLight(const FloatScan& f, const float* distances_m, int bins, float first_bin_m,
+              float bins_per_m, int count, LitPlaces& places) {
+  constexpr float kLast = LightMap::kSide - 1;
+  for (int i = 0; i < count; ++i) {
+    const float x = places.x[i], y = places.y[i], z = places.z[i];
+    const float nx = places.nx[i], ny = places.ny[i], nz = places.nz[i];
+    const float s = f.gx * x + f.gy * y + f.gz * z + f.lit_offset;
+    const float vx = f.cx - s * f.sx - x, vy = f.cy - s * f.sy - y, vz = f.cz - s * f.sz - z;
+    const float lx = f.lx - s * f.sx - x, ly = f.ly - s * f.sy - y, lz = f.lz - s * f.sz - z;
+    const float camera_m = std::sqrt(vx * vx + vy * vy + vz * vz);
+    const float laser_m = std::sqrt(lx * lx + ly * ly + lz * lz);
+    const float cos_camera = (nx * vx + ny * vy + nz * vz) / camera_m;
+    const float cos_laser = (nx * lx + ny * ly + nz * lz) / laser_m;
+    const float cos_between = (vx * lx + vy * ly + vz * lz) / (camera_m * laser_m);
+    const auto place = [](float square) {
+      return static_cast<int32_t>(kLast * std::sqrt(std::min(std::max(square, 0.0f), 1.0f)) + 0.5f);
+    };
+    const float bin = std::min(std::max((camera_m - first_bin_m) * bins_per_m, 0.0f),
+                               static_cast<float>(bins - 1));
+    const int32_t cell =
+        places.first_cell[i] +
+        ((static_cast<int32_t>(bin + 0.5f) * LightMap::kSide + place(1 - cos_camera)) *
+             LightMap::kSide +
+         place(1 - cos_laser)) *
+            LightMap::kSide +
+        place(0.5f * (1 - cos_between));
+    places.shows[i] =
+        (laser_m >= distances_m[2 * cell]) & (laser_m <= distances_m[2 * cell + 1]);
+  }
+}
+
 inline int32_t OctahedralCell(float x, float y, float z, int side) {
   const float scale = 1 / (std::abs(x) + std::abs(y) + std::abs(z));
   const float u = x * scale, v = y * scale;
@@ -234,12 +278,17 @@ inline int32_t OctahedralCell(float x, float y, float z, int side) {
 }  // namespace
 
 FastEvaluator::FastEvaluator(const TargetSet& targets, const TargetSampling& sampling,
-                             const SurfaceProbes& probes, const VisibilityField& field)
+                             const SurfaceProbes& probes, const VisibilityField& field,
+                             TargetLight light)
     : target_count_(targets.size()),
       coverage_radius_m_(static_cast<float>(sampling.coverage_radius_m)),
-      field_(field) {
+      field_(field),
+      light_(std::move(light)) {
   blocks_.resize(field.blocks());
   probes_.resize(blocks_.size() * kTargetsPerBlock);
+  if (light_.map != nullptr) {
+    light_.entries.resize(blocks_.size() * kTargetsPerBlock, LightLimit::kUnlimited);
+  }
   for (size_t t = 0; t < target_count_; ++t) {
     for (int k = 0; k < kProbesPerTarget; ++k) {
       const Eigen::Vector3f& p = probes.positions_m[t * kProbesPerTarget + k];
@@ -343,6 +392,52 @@ void FastEvaluator::TestBlock(const Block& block, const FloatScan& f, int map_si
   }
 }
 
+int FastEvaluator::KeepLit(const FloatScan& f, size_t block, SeenLane* seen, int count) const {
+  const LightMap& map = *light_.map;
+  const auto ask = [&](int places_count, LitPlaces& places) {
+    AskLight(f, map.distances_m(), map.bins(), map.first_bin_m(), map.bins_per_m(), places_count,
+             places);
+  };
+  const Block& b = blocks_[block];
+  const size_t begin = block * kTargetsPerBlock;
+  const auto first_cell = [&](int lane) {
+    const int16_t entry = light_.entries[begin + static_cast<size_t>(lane)];
+    return static_cast<int32_t>(map.CellsBefore(std::max<int16_t>(entry, 0)));
+  };
+  LitPlaces places;
+  const int asked = (count + kLitStep - 1) / kLitStep * kLitStep;
+  for (int k = 0; k < asked; ++k) {
+    const int i = seen[std::min(k, count - 1)].lane;
+    places.x[k] = b.x[i], places.y[k] = b.y[i], places.z[k] = b.z[i];
+    places.nx[k] = b.nx[i], places.ny[k] = b.ny[i], places.nz[k] = b.nz[i];
+    places.first_cell[k] = first_cell(i);
+  }
+  ask(asked, places);
+  int kept = 0;
+  LitPlaces on_probes;
+  for (int k = 0; k < count; ++k) {
+    const SeenLane here = seen[k];
+    bool shows = places.shows[k] != 0 ||
+                 light_.entries[begin + here.lane] == LightLimit::kUnlimited;
+    if (!shows && b.horizon[here.lane] > 0) {
+      const TargetProbes& probes = probes_[begin + here.lane];
+      for (int p = 0; p < kProbesPerTarget; ++p) {
+        on_probes.x[p] = probes.x[p], on_probes.y[p] = probes.y[p], on_probes.z[p] = probes.z[p];
+        on_probes.nx[p] = probes.nx[p], on_probes.ny[p] = probes.ny[p];
+        on_probes.nz[p] = probes.nz[p];
+        on_probes.first_cell[p] = places.first_cell[k];
+      }
+      static_assert(kProbesPerTarget % kLitStep == 0);
+      ask(kProbesPerTarget, on_probes);
+      for (int p = 0; p < kProbesPerTarget; ++p) {
+        shows = shows || (((here.probes >> p) & 1) != 0 && on_probes.shows[p] != 0);
+      }
+    }
+    if (shows) seen[kept++] = here;
+  }
+  return kept;
+}
+
 void FastEvaluator::Evaluate(std::span<const ScanInPart> scans, std::span<FastScan> results,
                              bool with_seen, const std::atomic<bool>* cancelled) const {
   std::vector<FloatScan> floats;
@@ -366,8 +461,8 @@ void FastEvaluator::Evaluate(std::span<const ScanInPart> scans, std::span<FastSc
     Pending& pending = waiting[slot];
     if (pending.count == 0) return;
     const Lanes& lanes = pipeline[slot];
-    uint64_t bits = 0;
-    float low = start[pending.query], high = end[pending.query];
+    SeenLane seen_lanes[kTargetsPerBlock];
+    int seen_count = 0;
     for (int k = 0; k < pending.count; ++k) {
       const int i = pending.target[k];
       uint8_t seen = data[static_cast<size_t>(lanes.camera_cell[i]) * kTargetsPerBlock + i] &
@@ -382,14 +477,24 @@ void FastEvaluator::Evaluate(std::span<const ScanInPart> scans, std::span<FastSc
                       {block.x[i], block.y[i], block.z[i]}, lanes.stage[i])) {
         continue;
       }
+      seen_lanes[seen_count++] = {static_cast<uint8_t>(i), seen};
+    }
+    if (light_.map != nullptr && seen_count > 0) {
+      seen_count = KeepLit(floats[pending.query], b, seen_lanes, seen_count);
+    }
+    uint64_t bits = 0;
+    float low = start[pending.query], high = end[pending.query];
+    for (int k = 0; k < seen_count; ++k) {
+      const int i = seen_lanes[k].lane;
       const size_t target = b * kTargetsPerBlock + static_cast<size_t>(i);
       if (with_seen && target < target_count_) {
-        results[pending.query].seen.push_back({static_cast<uint32_t>(target), seen});
+        results[pending.query].seen.push_back({static_cast<uint32_t>(target), seen_lanes[k].probes});
         low = std::min(low, lanes.stage[i]);
         high = std::max(high, lanes.stage[i]);
       }
       if (lanes.sparse[i] &&
-          !GridCovers(floats[pending.query], probes, block.horizon[i] == 0, seen)) {
+          !GridCovers(floats[pending.query], probes_[target], blocks_[b].horizon[i] == 0,
+                      seen_lanes[k].probes)) {
         continue;
       }
       bits |= uint64_t{1} << i;

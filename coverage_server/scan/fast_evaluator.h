@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/targets/target_set.h"
+#include "coverage_server/detectability/light_map.h"
 #include "coverage_server/scan/scan_in_part.h"
 #include "coverage_server/visibility/visibility_field.h"
 
@@ -37,13 +38,22 @@ class FastEvaluator {
     float nx[kProbesPerTarget] = {}, ny[kProbesPerTarget] = {}, nz[kProbesPerTarget] = {};
   };
 
-  // `field` must outlive the evaluator.
+  // The light on the targets: a map, and the table of every target (LightLimit::EntryOf).
+  struct TargetLight {
+    const LightMap* map = nullptr;  // null: light limits nothing
+    std::vector<int16_t> entries;
+  };
+
+  // `field` and the light's map must outlive the evaluator.
   FastEvaluator(const TargetSet& targets, const TargetSampling& sampling,
-                const SurfaceProbes& probes, const VisibilityField& field);
+                const SurfaceProbes& probes, const VisibilityField& field, TargetLight light);
+  FastEvaluator(const TargetSet& targets, const TargetSampling& sampling,
+                const SurfaceProbes& probes, const VisibilityField& field)
+      : FastEvaluator(targets, sampling, probes, field, TargetLight()) {}
 
   // A target counts as covered if one of its probes faces camera and laser, lies in field of view,
-  // fan, range and admissible depth when it is lit, and is seen from both, and if the grid of
-  // frames and columns is fine enough to put a point there. Evaluates the whole batch block by
+  // fan, range and admissible depth when it is lit, is seen from both, and a permitted exposure
+  // shows the line there, and if the grid of frames and columns is fine enough to put a point there. Evaluates the whole batch block by
   // block, so that the field is read once a batch. `with_seen`: lists seen targets too. Stops early
   // when *cancelled.
   void Evaluate(std::span<const ScanInPart> scans, std::span<FastScan> results, bool with_seen,
@@ -62,6 +72,13 @@ class FastEvaluator {
     float cone_sine;  // sine of the half angle of the normals' cone; 2: no useful cone
   };
   struct Lanes;
+  struct SeenLane {
+    uint8_t lane;
+    uint8_t probes;
+  };
+  // Keeps those of the seen targets of a block on which a permitted exposure shows the line: on the
+  // target, or where the surface is curved on a probe. Returns how many.
+  int KeepLit(const struct FloatScan& scan, size_t block, SeenLane* seen, int count) const;
   static void TestBlock(const Block& block, const struct FloatScan& scan, int map_side,
                         Lanes& lanes);
 
@@ -70,6 +87,7 @@ class FastEvaluator {
   size_t target_count_;
   float coverage_radius_m_;
   const VisibilityField& field_;
+  TargetLight light_;
 };
 
 }  // namespace sightline

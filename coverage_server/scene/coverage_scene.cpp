@@ -13,6 +13,8 @@
 #include "core/targets/poisson_disk.h"
 #include "core/targets/target_regions.h"
 #include "coverage_server/collision/collision.h"
+#include "coverage_server/detectability/light_limit.h"
+#include "coverage_server/detectability/light_map.h"
 #include "coverage_server/explanation/explain_targets.h"
 #include "coverage_server/measurability/domain_measurability.h"
 #include "coverage_server/measurability/measurability.h"
@@ -117,7 +119,17 @@ class CoverageSceneImpl final : public CoverageScene {
     auto field = BuildVisibilityField(definition_.part, fixtures, targets_, probes, field_options);
     if (!field.ok()) return field.status();
     field_ = std::move(*field);
-    fast_ = std::make_unique<FastEvaluator>(targets_, definition_.sampling, probes, *field_);
+    FastEvaluator::TargetLight light;
+    if (definition_.detectability) {
+      light_ = std::make_unique<LightLimit>(*definition_.detectability, definition_.part);
+      light_map_ = std::make_unique<LightMap>(*light_);
+      light.map = light_map_.get();
+      for (const uint32_t triangle : targets_.triangles) {
+        light.entries.push_back(light_->EntryOf(triangle));
+      }
+    }
+    fast_ = std::make_unique<FastEvaluator>(targets_, definition_.sampling, probes, *field_,
+                                            std::move(light));
     lookup_ = std::make_unique<TargetLookup>(targets_, definition_.sampling);
     if (priors_) {
       report(0.9, "measuring surfaces around targets");
@@ -306,7 +318,7 @@ class CoverageSceneImpl final : public CoverageScene {
         Displaced(MakeScanGeometry(definition_.rig, measurement), displacement);
     const std::vector<MeasurementPoint> measured =
         MeasureScan(definition_.part, definition_.rig, part_centre_m_, occluders_, geometry,
-                    Depth(measurement), cancelled);
+                    Depth(measurement), cancelled, light_.get());
     if (!measured.empty()) {
       coverage.first_frame = measured.front().frame;
       coverage.last_frame = measured.back().frame;
@@ -332,6 +344,7 @@ class CoverageSceneImpl final : public CoverageScene {
     task.sampling = &definition_.sampling;
     task.occluders = &occluders_;
     task.part_centre_m = part_centre_m_;
+    task.light = light_.get();
     std::call_once(single_obstacles_made_, [this] {
       for (size_t i = 1; i < occluders_.size(); ++i) single_obstacles_.push_back({occluders_[i]});
     });
@@ -368,7 +381,7 @@ class CoverageSceneImpl final : public CoverageScene {
     if (auto known = measured_scans_.Find(measurement); known != nullptr) return known;
     auto measured = std::make_shared<const MeasuredScans::Points>(
         MeasureScan(definition_.part, definition_.rig, part_centre_m_, occluders_, measurement,
-                    Depth(measurement), cancelled));
+                    Depth(measurement), cancelled, light_.get()));
     // A cancelled scan lacks some of its points, so it is not cached.
     if (cancelled == nullptr || !cancelled->load()) measured_scans_.Add(measurement, measured);
     return measured;
@@ -453,9 +466,15 @@ class CoverageSceneImpl final : public CoverageScene {
     measurable_in_free_space_ = measurable_;
     DirectionLimits limits = free_space;
     limits.min_cos_incidence = LeastCosineOfIncidence();
+    if (light_ != nullptr) {
+      limits.light = light_.get();
+      limits.light_map = light_map_.get();
+      limits.laser_distance_m = definition_.rig.laser.distance_m;
+    }
     if (definition_.domain) {
       const DomainMeasurability by_domain(definition_.rig, definition_.sampling,
-                                          *definition_.domain, part_centre_m_, *field_, occluders_);
+                                          *definition_.domain, part_centre_m_, *field_, occluders_,
+                                          light_.get());
       const size_t orientations = definition_.domain->resting_orientations.size();
       if (orientations > 0 && orientations <= 64) {
         measurable_orientations_.assign(targets_.size(), 0);
@@ -567,6 +586,9 @@ class CoverageSceneImpl final : public CoverageScene {
   mutable std::once_flag single_obstacles_made_;
   mutable std::vector<std::vector<Occluder>> single_obstacles_;
   std::unique_ptr<VisibilityField> field_;
+  // Null where light limits nothing.
+  std::unique_ptr<LightLimit> light_;
+  std::unique_ptr<LightMap> light_map_;
   std::unique_ptr<FastEvaluator> fast_;
   std::unique_ptr<TargetLookup> lookup_;
   // Only with an uncertainty model.

@@ -38,6 +38,8 @@ struct SceneDefinition {
   std::optional<UncertaintyModel> uncertainty;
   // The permitted scans; unset: camera and laser anywhere in free space.
   std::optional<MeasurementDomain> domain;
+  // With tables and both exposure times. Unset: light limits nothing.
+  std::optional<Detectability> detectability;
 };
 
 struct SceneBuildOptions {

@@ -35,6 +35,10 @@ v1::UncoveredReason ReasonToProto(UncoveredReason reason) {
       return v1::UNCOVERED_REASON_COLLISION;
     case UncoveredReason::kTravel:
       return v1::UNCOVERED_REASON_TRAVEL;
+    case UncoveredReason::kTooDark:
+      return v1::UNCOVERED_REASON_TOO_DARK;
+    case UncoveredReason::kTooBright:
+      return v1::UNCOVERED_REASON_TOO_BRIGHT;
   }
   return v1::UNCOVERED_REASON_UNSPECIFIED;
 }
@@ -89,6 +93,7 @@ absl::Status CoverageServiceImpl::Explain(grpc::ServerContext* context,
     message.set_obstacle(explanation.obstacle);
     message.set_tried_scans(explanation.tried_scans);
     message.set_scans_with_reason(explanation.scans_with_reason);
+    message.set_exposure_time_s(explanation.exposure_time_s);
   }
   return absl::OkStatus();
 }

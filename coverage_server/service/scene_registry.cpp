@@ -16,7 +16,8 @@ constexpr size_t kRememberedRequests = 10000;
 
 int64_t MeshBytes(const TriangleMesh& mesh) {
   return static_cast<int64_t>(mesh.positions_m.size() * sizeof(mesh.positions_m[0]) +
-                              mesh.triangles.size() * sizeof(mesh.triangles[0]));
+                              mesh.triangles.size() * sizeof(mesh.triangles[0]) +
+                              mesh.triangle_material.size() * sizeof(uint16_t));
 }
 
 int64_t SceneBytes(const CoverageScene& scene) {
@@ -51,9 +52,13 @@ SceneRegistry::SceneRegistry(CoverageBackend backend, JobStore* jobs, CoverageMe
 absl::StatusOr<std::string> SceneRegistry::AddPart(std::shared_ptr<const StoredPart> part) {
   const std::string digest = PartDigestOf(part->mesh).Text();
   const int64_t bytes = MeshBytes(part->mesh);
-  if (absl::Status status = parts_.Put(digest, std::move(part), bytes); !status.ok()) {
-    return WithErrorInfo(absl::ResourceExhaustedError(absl::StrCat("part: ", status.message())),
-                         "PART_TOO_LARGE");
+  std::vector<std::string> names = {digest};
+  if (!part->mesh.triangle_material.empty()) names.push_back(PartNameWithMaterials(part->mesh));
+  for (const std::string& name : names) {
+    if (absl::Status status = parts_.Put(name, part, bytes); !status.ok()) {
+      return WithErrorInfo(absl::ResourceExhaustedError(absl::StrCat("part: ", status.message())),
+                           "PART_TOO_LARGE");
+    }
   }
   UpdateMetrics();
   return digest;
@@ -158,6 +163,11 @@ absl::StatusOr<std::string> SceneRegistry::BuildScene(const ParsedSceneSpec& spe
   absl::StatusOr<std::shared_ptr<const StoredPart>> part = FindPart(spec.part_digest);
   if (!part.ok()) return part.status();
   definition.part = (*part)->mesh;
+  if (!spec.part_has_materials) {
+    // Whoever uploaded the same shape may have given it materials.
+    definition.part.triangle_material.clear();
+    definition.part.material_names.clear();
+  }
   for (const auto& obstacle : spec.obstacles) {
     absl::StatusOr<std::shared_ptr<const StoredPart>> body = FindPart(obstacle.part_digest);
     if (!body.ok()) return body.status();
@@ -168,6 +178,7 @@ absl::StatusOr<std::string> SceneRegistry::BuildScene(const ParsedSceneSpec& spe
   definition.field_directions = spec.field_directions;
   definition.uncertainty = spec.uncertainty;
   definition.domain = spec.domain;
+  definition.detectability = spec.detectability;
   SceneBuildOptions options;
   options.on_progress = [&context](double progress, const std::string& message) {
     context.ReportProgress(progress, message);

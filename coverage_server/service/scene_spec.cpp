@@ -79,6 +79,19 @@ absl::Status ParseSettings(const v1::SceneSpec& spec, ParsedSceneSpec* parsed) {
     }
     parsed->domain = *std::move(domain);
   }
+  if (spec.has_detectability()) {
+    absl::StatusOr<Detectability> detectability = ParseDetectability(spec.detectability(), "spec");
+    if (!detectability.ok()) {
+      return InvalidFields({{"spec.detectability", std::string(detectability.status().message())}});
+    }
+    for (const auto& [given, field] :
+         {std::pair(detectability->min_exposure_time_s.has_value(), "min_exposure_time_s"),
+          std::pair(detectability->max_exposure_time_s.has_value(), "max_exposure_time_s"),
+          std::pair(!detectability->materials.empty(), "table")}) {
+      if (!given) return InvalidFields({{absl::StrCat("spec.detectability.", field), "is missing"}});
+    }
+    parsed->detectability = *std::move(detectability);
+  }
   if (!spec.has_uncertainty()) return absl::OkStatus();
   absl::StatusOr<UncertaintyModel> uncertainty = ParseUncertainty(spec.uncertainty(), "spec");
   if (!uncertainty.ok()) {
@@ -116,8 +129,9 @@ v1::SceneSpec GeometryOf(v1::SceneSpec spec) {
 absl::StatusOr<ParsedSceneSpec> ParseSceneSpec(const v1::SceneSpec& spec) {
   ParsedSceneSpec parsed;
   std::vector<FieldViolation> violations;
-  if (const auto digest = ParsePartDigest(spec.part_digest()); !digest.ok()) {
-    violations.push_back({"spec.part_digest", std::string(digest.status().message())});
+  const absl::StatusOr<PartName> part = ParsePartName(spec.part_digest());
+  if (!part.ok()) {
+    violations.push_back({"spec.part_digest", std::string(part.status().message())});
   }
   if (static_cast<size_t>(spec.obstacles_size()) > kMaxObstacles) {
     violations.push_back({"spec.obstacles", absl::StrCat("at most ", kMaxObstacles)});
@@ -154,6 +168,7 @@ absl::StatusOr<ParsedSceneSpec> ParseSceneSpec(const v1::SceneSpec& spec) {
 
   if (absl::Status status = ParseSettings(spec, &parsed); !status.ok()) return status;
   parsed.part_digest = spec.part_digest();
+  parsed.part_has_materials = !part->materials.empty();
 
   v1::SceneSpec& normalised = parsed.normalised;
   normalised.set_part_digest(spec.part_digest());
@@ -195,6 +210,11 @@ absl::StatusOr<ParsedSceneSpec> ParseSceneSpec(const v1::SceneSpec& spec) {
     }
   }
   if (spec.has_part_placement()) *normalised.mutable_part_placement() = spec.part_placement();
+  if (spec.has_detectability()) {
+    *normalised.mutable_detectability() = spec.detectability();
+    // It went into the table; the limit does not depend on it.
+    normalised.mutable_detectability()->clear_min_detected_fraction();
+  }
   parsed.digest = Sha256Hex(DeterministicBytes(normalised));
   parsed.geometry_digest = Sha256Hex(DeterministicBytes(GeometryOf(normalised)));
   // The scene depends on the normal form alone: same digest, same scene, bit by bit.

@@ -17,12 +17,14 @@ struct ParsedSceneSpec {
   // The same for all scenes in which a scan measures the same points, whatever their targets are.
   std::string geometry_digest;
   std::string part_digest;
+  bool part_has_materials = false;  // named with them (PartNameWithMaterials)
   // Everything but the meshes, which are named by their digests.
   Rig rig;
   TargetSampling sampling;
   int field_directions = kDefaultFieldDirections;
   std::optional<UncertaintyModel> uncertainty;
   std::optional<MeasurementDomain> domain;
+  std::optional<Detectability> detectability;
   struct ObstacleRef {
     std::string part_digest;
     ObstacleFrame frame;

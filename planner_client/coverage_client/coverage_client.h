@@ -39,6 +39,8 @@ struct CoverageTask {
   // The permitted scans, which decide what counts as measurable. what counts as measurable. Unset:
   // camera and laser anywhere in free space, and the scene explains no targets.
   std::optional<MeasurementDomain> domain;
+  // With table and both exposure times. Unset: light limits nothing.
+  std::optional<v1::Detectability> detectability;
 };
 
 // An embedded server that ends is restarted, as often as it allows.

@@ -9,7 +9,8 @@
 namespace sightline {
 
 // Binary little-endian PLY in metres. A mesh that came from LoadPart is read back vertex by vertex
-// as it is, so that both sides compute the same PartDigest.
-std::string EncodePly(const TriangleMesh& mesh);
+// as it is, so that both sides compute the same PartDigest, and with materials the same
+// PartNameWithMaterials.
+std::string EncodePly(const TriangleMesh& mesh, bool with_materials = false);
 
 }  // namespace sightline

@@ -63,10 +63,12 @@ absl::Status SceneConnection::CreateScene(CoverageConnection& connection) {
       "the server forgets parts as fast as they are uploaded: its part store is too small");
 }
 
-absl::Status SceneConnection::UploadPart(CoverageConnection& connection, const std::string& digest,
+absl::Status SceneConnection::UploadPart(CoverageConnection& connection, const std::string& name,
                                          const NamedMesh& part) {
   Report(0, absl::StrCat("uploading ", part.name));
-  const std::string bytes = EncodePly(*part.mesh);
+  const size_t plus = name.find('+');
+  const std::string digest = name.substr(0, plus);
+  const std::string bytes = EncodePly(*part.mesh, plus != std::string::npos);
   v1::UploadPartResponse response;
   grpc::ClientContext context;
   auto writer = connection.coverage->UploadPart(&context, &response);

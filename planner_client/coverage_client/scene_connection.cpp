@@ -35,8 +35,10 @@ SceneConnection::SceneConnection(CoverageClientOptions options, CoverageTask tas
     : options_(std::move(options)), task_(std::move(task)) {
   const std::string part_digest = PartDigestOf(*task_.part).Text();
   info_.part_digest = part_digest;
-  meshes_[part_digest] = {task_.part.get(), task_.part_name};
-  spec_.set_part_digest(part_digest);
+  const std::string part_name =
+      task_.detectability ? PartNameWithMaterials(*task_.part) : part_digest;
+  meshes_[part_name] = {task_.part.get(), task_.part_name};
+  spec_.set_part_digest(part_name);
   *spec_.mutable_camera() = CameraToProto(task_.rig.camera);
   if (task_.rig.lens) {
     spec_.mutable_lens()->set_focal_length_m(task_.rig.lens->focal_length_m);
@@ -58,6 +60,7 @@ SceneConnection::SceneConnection(CoverageClientOptions options, CoverageTask tas
   spec_.set_field_directions(task_.field_directions);
   if (task_.uncertainty) *spec_.mutable_uncertainty() = UncertaintyToProto(*task_.uncertainty);
   if (task_.domain) *spec_.mutable_measurement() = MeasurementDomainToProto(*task_.domain);
+  if (task_.detectability) *spec_.mutable_detectability() = *task_.detectability;
   if (task_.rig.part_placement) {
     const Eigen::AngleAxisd turn(task_.rig.part_placement->rotation);
     v1::PartPlacement& placement = *spec_.mutable_part_placement();

@@ -161,7 +161,8 @@ class SceneConnection {
 
   // In scene_building.cpp, of one attempt each.
   absl::Status CreateScene(CoverageConnection& connection);
-  absl::Status UploadPart(CoverageConnection& connection, const std::string& digest,
+  // `name`: PartDigest::Text or PartNameWithMaterials.
+  absl::Status UploadPart(CoverageConnection& connection, const std::string& name,
                           const NamedMesh& part);
   // Returns the finished job.
   absl::StatusOr<v1::Job> WaitForJob(CoverageConnection& connection, v1::Job job);

@@ -7,8 +7,6 @@
 #include <limits>
 #include <map>
 
-#include "absl/strings/str_format.h"
-
 namespace sightline {
 namespace {
 
@@ -97,30 +95,6 @@ absl::StatusOr<int> SearchExposure(const ExposureGrid& grid, bool every,
     if (absl::Status status = ask(between); !status.ok()) return status;
   }
   return best()->first;
-}
-
-ExposureLimit LimitExposure(const CostModel& costs, double scan_step_m,
-                            const OpticsPlanning& planning, double image_speed_px_per_m) {
-  ExposureLimit limit;
-  double speed = std::numeric_limits<double>::infinity();
-  if (costs.stage_speed_m_per_s) speed = *costs.stage_speed_m_per_s;
-  if (costs.frame_rate_hz) speed = std::min(speed, *costs.frame_rate_hz * scan_step_m);
-  if (std::isfinite(speed)) limit.stage_speed_m_per_s = speed;
-  if (planning.cost_px_per_s > 0) return limit;
-  if (costs.frame_rate_hz) {
-    limit.longest_s = 1 / *costs.frame_rate_hz;
-    limit.because =
-        absl::StrFormat("the frame time at costs.frame_rate_hz = %.4g Hz", *costs.frame_rate_hz);
-  }
-  if (std::isfinite(speed) && image_speed_px_per_m > 0) {
-    const double blur_s = planning.max_motion_blur_px / (image_speed_px_per_m * speed);
-    if (!limit.longest_s || blur_s < *limit.longest_s) {
-      limit.longest_s = blur_s;
-      limit.because = absl::StrFormat("motion blur of %.3g px at a stage speed of %.4g mm/s",
-                                      planning.max_motion_blur_px, 1e3 * speed);
-    }
-  }
-  return limit;
 }
 
 double ScanTime(const CostModel& costs, double scan_step_m, const OpticsPlanning& planning,

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "core/inspection/exposure_limit.h"
 #include "core/inspection/inspection.h"
 
 namespace sightline {
@@ -43,20 +44,6 @@ using CostsOfExposures =
 // for.
 absl::StatusOr<int> SearchExposure(const ExposureGrid& grid, bool every,
                                    const CostsOfExposures& costs);
-
-// Speed of the stage, and the exposure times that it allows.
-struct ExposureLimit {
-  // Fastest that stage and frame rate allow [m/s]; 0: not known.
-  double stage_speed_m_per_s = 0;
-  // Longest total exposure of a frame [s]; unset: no limit.
-  std::optional<double> longest_s;
-  std::string because;  // frame time or motion blur
-};
-
-// `image_speed_px_per_m`: motion of the image per travel of the stage. With a cost of time the
-// stage may go slower, so nothing limits the exposure.
-ExposureLimit LimitExposure(const CostModel& costs, double scan_step_m,
-                            const OpticsPlanning& planning, double image_speed_px_per_m);
 
 // Seconds to scan `travel_m` with frames of this total exposure: the stage is slowed down where
 // frame time or motion blur ask for it. 0 if no speed is known and nothing slows it down.
