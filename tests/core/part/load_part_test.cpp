@@ -317,6 +317,50 @@ TEST(PlyFile, OtherElementsAndListsAreSteppedOver) {
   EXPECT_EQ(mesh.triangles.size(), 2u);
 }
 
+// A coverage server gets the materials of a part so.
+TEST(PlyFile, MaterialsAreReadByTheirIndex) {
+  const std::string head =
+      "ply\nformat ascii 1.0\nelement material 2\nproperty list uint uchar name\n"
+      "element vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+      "element face 2\nproperty list uchar uint vertex_indices\nproperty ushort material_index\n"
+      "end_header\n2 97 32\n1 98\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n";
+  const auto mesh = LoadPartFromMemory(head + "3 0 1 2 1\n3 0 1 3 0\n", "ply", "m", "ply");
+  ASSERT_TRUE(mesh.ok()) << mesh.status();
+  ASSERT_EQ(mesh->triangle_material.size(), 2u);
+  EXPECT_EQ(mesh->material_names[mesh->triangle_material[0]], "b");
+  EXPECT_EQ(mesh->material_names[mesh->triangle_material[1]], "a ");
+  const auto beyond = LoadPartFromMemory(head + "3 0 1 2 1\n3 0 1 3 2\n", "ply", "m", "ply");
+  EXPECT_TRUE(absl::StrContains(beyond.status().message(), "material_index 2, there are 2"))
+      << beyond.status();
+}
+
+// The shape and the materials of its triangles, whatever order the file names them in.
+TEST(PartName, SaysTheMaterialsBehindTheShape) {
+  TriangleMesh box = BoxMesh({0, 0, 0}, {1, 1, 1});
+  const std::string shape = PartDigestOf(box).Text();
+  EXPECT_EQ(PartNameWithMaterials(box), shape);
+  box.material_names = {"steel", "paint"};
+  box.triangle_material.assign(box.triangles.size(), 0);
+  box.triangle_material[3] = 1;
+  const std::string name = PartNameWithMaterials(box);
+  EXPECT_EQ(PartDigestOf(box).Text(), shape);
+  const auto parsed = ParsePartName(name);
+  ASSERT_TRUE(parsed.ok()) << parsed.status();
+  EXPECT_EQ(parsed->digest.Text(), shape);
+  EXPECT_EQ(parsed->materials.size(), 64u);
+
+  TriangleMesh reordered = box;
+  reordered.material_names = {"unused", "paint", "steel"};
+  reordered.triangle_material.assign(box.triangles.size(), 2);
+  reordered.triangle_material[3] = 1;
+  EXPECT_EQ(PartNameWithMaterials(reordered), name);
+  box.triangle_material[3] = 0;
+  EXPECT_NE(PartNameWithMaterials(box), name);
+
+  EXPECT_FALSE(ParsePartName(shape + "+12").ok());
+  EXPECT_TRUE(ParsePartName(shape)->materials.empty());
+}
+
 TEST(PlyFile, BadContentIsNamed) {
   const std::string header = PlyHeader(std::string(kVertex4) + kFace1) + kSquare;
   EXPECT_THAT(ErrorOf(header + "3 0 1 4\n", "ply"), AllOf(HasSubstr("index 4"), HasSubstr("4 v")));

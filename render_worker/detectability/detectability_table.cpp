@@ -1,0 +1,303 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render_worker/detectability/detectability_table.h"
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cmath>
+#include <iterator>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <numbers>
+#include <optional>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "core/field_limits/field_checks.h"
+#include "core/parallel/worker_threads.h"
+#include "core/random/seed.h"
+#include "proto/status/rpc_status.h"
+#include "render_worker/detectability/exposure_range.h"
+#include "render_worker/detectability/facet.h"
+#include "render_worker/optical_planning/choose_setting.h"
+#include "render_worker/optical_planning/lens_image.h"
+#include "render_worker/optical_planning/setting_judge.h"
+#include "render_worker/render/part_scene.h"
+
+namespace sightline {
+namespace {
+
+// Half edge of a facet that fills the region under every incidence of the grid, in camera
+// distances.
+constexpr double kFacetHalfEdge = 0.6;
+// Turns of machining marks that are tried.
+constexpr double kMarkTurns_deg[] = {15, 75, 135};
+// Distance of the laser where the rig has it follow the camera.
+constexpr double kUsualLaserDistance_m = 0.5;
+
+constexpr size_t kIncidences = std::size(kFacetIncidence_deg), kAzimuths = std::size(kFacetAzimuth_deg);
+
+// Nearest and farthest camera of the domain; one where they are equal.
+std::vector<double> CameraDistances(const ParameterDomain& domain) {
+  std::vector<double> ends = domain.values;
+  for (const ParameterDomain::Range& range : domain.ranges) {
+    ends.push_back(range.min);
+    ends.push_back(range.max);
+  }
+  const auto [nearest, farthest] = std::minmax_element(ends.begin(), ends.end());
+  if (*farthest <= 1.001 * *nearest) return {*nearest};
+  return {*nearest, *farthest};
+}
+
+// The inspection of a facet of one material.
+Inspection FacetInspection(const Inspection& inspection, const MaterialChoice& material,
+                           double laser_distance_m, double f_number) {
+  Inspection facet = inspection;
+  facet.materials = {{"", material.material}};
+  facet.obstacles.clear();
+  facet.rig.laser.distance_m = laser_distance_m;
+  facet.rig.lens->f_number = f_number;
+  facet.rig.part_placement.reset();
+  facet.rig.part_support_points_m.reset();
+  // A plane does not light itself.
+  facet.render.max_bounces = 0;
+  facet.render.laser_interreflection = false;
+  facet.optics->f_numbers = {f_number};
+  facet.optics->exposure_time_s.reset();
+  facet.optics->realisations = 2;
+  facet.optics->two_exposures = false;
+  return facet;
+}
+
+// The material with its machining marks at some angle to the facet's x axis, for every turn that is
+// tried; the material itself if it has no direction.
+std::vector<v1::Material> Turned(const v1::Material& material) {
+  const v1::Material::Conductor& conductor = material.conductor();
+  if (!material.has_conductor() || conductor.ggx_alpha_x() == conductor.ggx_alpha_y()) {
+    return {material};
+  }
+  std::vector<v1::Material> turned;
+  for (const double turn_deg : kMarkTurns_deg) {
+    v1::Material& next = turned.emplace_back(material);
+    auto* direction = next.mutable_conductor()->mutable_machining_direction();
+    direction->set_x(std::cos(Radians(turn_deg)));
+    direction->set_y(std::sin(Radians(turn_deg)));
+    direction->set_z(0);
+  }
+  return turned;
+}
+
+// The exposure times of one facet.
+absl::StatusOr<ExposureRange> RangeOf(PartScene& scene, std::span<const ActiveEffect> effects,
+                                      const FacetView& view, const DetectabilityTask& task,
+                                      uint64_t seed, const RenderLimits& limits) {
+  const Inspection& inspection = scene.inspection();
+  PartFrameRequest request;
+  request.measurement = MeasurementOf(view);
+  LensSetting lens;
+  lens.f_number = task.f_number;
+  lens.focus_distance_m =
+      std::max({view.camera_distance_m, inspection.rig.lens->min_focus_distance_m.value_or(0),
+                1.01 * inspection.rig.lens->focal_length_m});
+  FrameSetup frame = PartFrameSetup(inspection, request);
+  frame.lens.f_number = lens.f_number;
+  frame.lens.focus_distance_m = lens.focus_distance_m;
+  frame = ApplyFrameEffects(frame, effects);
+  const std::array<double, 1> depths = {view.camera_distance_m};
+  FrameLightOptions options;
+  options.margin_px = LensMarginPx(frame, effects, depths);
+  options.roi = RegionAboutLine(inspection.rig, request.measurement);
+  options.limits = limits;
+  auto light = TraceFrameLight(scene, request, effects, options);
+  if (ErrorReason(light.status()) == "NO_LINE") return ExposureRange{};
+  if (!light.ok()) return light.status();
+  // Nothing comes from there to the camera.
+  if (!(light->median_line_radiance_w_m2_sr > 0)) return ExposureRange{};
+  SettingJudge judge(inspection, effects,
+                     {{std::make_shared<const FrameLight>(*std::move(light)), 1}}, seed, limits);
+  // The shortest of the grid fills a 25th of a bright pixel.
+  const double fill_s = 25 * MakeExposureGrid(judge, inspection, ExposureLimit{}).min_s;
+  if (absl::Status looked = judge.LookThrough(lens); !looked.ok()) return looked;
+  return FindExposureRange(judge, inspection, fill_s, task.min_detected_fraction);
+}
+
+// A point of the grid of one material.
+struct GridPoint {
+  size_t index = 0;  // in the table
+  FacetView view;
+};
+
+class MaterialTable {
+ public:
+  MaterialTable(const Inspection& inspection, std::span<const ActiveEffect> effects,
+                const DetectabilityTask& task, const DetectabilityHooks& hooks)
+      : effects_(effects), task_(task), hooks_(hooks) {
+    distances_m_ = CameraDistances(inspection.domain.parameters[kCameraDistance]);
+    laser_distance_m_ = inspection.rig.laser.distance_m.value_or(kUsualLaserDistance_m);
+    for (size_t d = 0; d < distances_m_.size(); ++d) {
+      for (size_t camera = 0; camera < kIncidences; ++camera) {
+        for (size_t laser = 0; laser < kIncidences; ++laser) {
+          // Along the normal the azimuth has no meaning: the first stands for all.
+          const size_t azimuths = camera == 0 || laser == 0 ? 1 : kAzimuths;
+          for (size_t azimuth = 0; azimuth < azimuths; ++azimuth) {
+            points_.push_back({((d * kIncidences + camera) * kIncidences + laser) * kAzimuths + azimuth,
+                               {distances_m_[d], Radians(kFacetIncidence_deg[camera]),
+                                Radians(kFacetIncidence_deg[laser]),
+                                Radians(kFacetAzimuth_deg[azimuth])}});
+          }
+        }
+      }
+    }
+  }
+
+  // `report`: fractions in [0, 1], by one thread at a time.
+  absl::StatusOr<v1::DetectabilityOfMaterial> Make(const Inspection& inspection,
+                                                   const MaterialChoice& material,
+                                                   const AssetResolver& assets,
+                                                   const std::function<void(double)>& report) const {
+    const std::vector<v1::Material> turned = Turned(material.material);
+    std::vector<std::unique_ptr<PartScene>> scenes;
+    for (const v1::Material& one : turned) {
+      PartSceneInput input;
+      input.inspection = FacetInspection(inspection, {"", one}, laser_distance_m_, task_.f_number);
+      input.part = FacetMesh(kFacetHalfEdge * distances_m_.back());
+      input.assets = assets;
+      auto scene = PartScene::Make(std::move(input));
+      if (!scene.ok()) return scene.status();
+      scenes.push_back(*std::move(scene));
+    }
+    std::vector<ExposureRange> ranges(points_.size() * scenes.size());
+    if (absl::Status status = Render(scenes, report, ranges); !status.ok()) return status;
+    return Filled(ranges, scenes.size());
+  }
+
+ private:
+  absl::Status Render(const std::vector<std::unique_ptr<PartScene>>& scenes,
+                      const std::function<void(double)>& report,
+                      std::vector<ExposureRange>& ranges) const {
+    std::vector<absl::Status> statuses(ranges.size());
+    std::atomic<size_t> next = 0;
+    std::atomic<bool> failed = false;
+    std::mutex report_mutex;
+    size_t done = 0;
+    RenderLimits limits = hooks_.limits;
+    limits.threads = 1;
+    limits.progress = nullptr;
+    WorkerThreads threads;
+    for (int thread = 0; thread < std::max(1, hooks_.limits.threads); ++thread) {
+      threads.Start([&] {
+        for (size_t i = next++; i < ranges.size() && !failed; i = next++) {
+          const GridPoint& point = points_[i / scenes.size()];
+          auto range = RangeOf(*scenes[i % scenes.size()], effects_, point.view, task_,
+                               DeriveSeed(task_.seed, "facet", i), limits);
+          statuses[i] = range.status();
+          if (range.ok()) {
+            ranges[i] = *range;
+          } else {
+            failed = true;
+          }
+          const std::lock_guard lock(report_mutex);
+          report(static_cast<double>(++done) / static_cast<double>(ranges.size()));
+        }
+      });
+    }
+    threads.Join();
+    for (const absl::Status& status : statuses) {
+      if (!status.ok()) return status;
+    }
+    return absl::OkStatus();
+  }
+
+  v1::DetectabilityOfMaterial Filled(const std::vector<ExposureRange>& ranges, size_t turns) const {
+    v1::DetectabilityOfMaterial table;
+    for (const double distance_m : distances_m_) table.add_camera_distances_m(distance_m);
+    for (const double angle_deg : kFacetIncidence_deg) {
+      table.add_camera_incidence_deg(angle_deg);
+      table.add_laser_incidence_deg(angle_deg);
+    }
+    for (const double angle_deg : kFacetAzimuth_deg) table.add_azimuth_deg(angle_deg);
+    table.set_laser_distance_m(laser_distance_m_);
+    const size_t entries = distances_m_.size() * kIncidences * kIncidences * kAzimuths;
+    table.mutable_shortest_exposure_time_s()->Resize(static_cast<int>(entries), 0);
+    table.mutable_longest_exposure_time_s()->Resize(static_cast<int>(entries), 0);
+    for (size_t p = 0; p < points_.size(); ++p) {
+      std::vector<ExposureRange> of_turns(ranges.begin() + static_cast<std::ptrdiff_t>(p * turns),
+                                          ranges.begin() + static_cast<std::ptrdiff_t>((p + 1) * turns));
+      // The middle one as a whole, so that shortest and longest belong together.
+      std::sort(of_turns.begin(), of_turns.end(), [](const auto& a, const auto& b) {
+        return std::pair(a.shortest_s, a.longest_s) < std::pair(b.shortest_s, b.longest_s);
+      });
+      const ExposureRange& range = of_turns[turns / 2];
+      const size_t index = points_[p].index;
+      // A point along the normal stands for all azimuths.
+      const size_t laser = index / kAzimuths % kIncidences,
+                   camera = index / kAzimuths / kIncidences % kIncidences;
+      const size_t copies = camera == 0 || laser == 0 ? kAzimuths : 1;
+      for (size_t k = 0; k < copies; ++k) {
+        table.set_shortest_exposure_time_s(static_cast<int>(index + k), range.shortest_s);
+        table.set_longest_exposure_time_s(static_cast<int>(index + k), range.longest_s);
+      }
+    }
+    return table;
+  }
+
+  std::span<const ActiveEffect> effects_;
+  const DetectabilityTask& task_;
+  const DetectabilityHooks& hooks_;
+  std::vector<double> distances_m_;
+  double laser_distance_m_ = 0;
+  std::vector<GridPoint> points_;
+};
+
+// The material of a name in the part file; null: none.
+const MaterialChoice* MaterialOf(const Inspection& inspection, const std::string& part_material) {
+  const MaterialChoice* fallback = nullptr;
+  for (const MaterialChoice& choice : inspection.materials) {
+    if (choice.part_material == part_material) return &choice;
+    if (choice.part_material.empty()) fallback = &choice;
+  }
+  return fallback;
+}
+
+}  // namespace
+
+absl::StatusOr<v1::DetectabilityTable> MakeDetectabilityTable(const Inspection& inspection,
+                                                              std::span<const ActiveEffect> effects,
+                                                              const AssetResolver& assets,
+                                                              const DetectabilityTask& task,
+                                                              const DetectabilityHooks& hooks) {
+  // Names of the same material share its table.
+  std::map<std::string, v1::DetectabilityOfMaterial> known;
+  std::map<std::string, const MaterialChoice*> different;
+  for (const std::string& name : task.part_materials) {
+    const MaterialChoice* material = MaterialOf(inspection, name);
+    if (material == nullptr) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("materials: no entry for the part's material \"", name, "\""));
+    }
+    different.emplace(material->material.SerializeAsString(), material);
+  }
+  const MaterialTable maker(inspection, effects, task, hooks);
+  size_t done = 0;
+  for (const auto& [bytes, material] : different) {
+    const auto report = [&, of = static_cast<double>(different.size())](double fraction) {
+      if (!hooks.on_progress) return;
+      hooks.on_progress((static_cast<double>(done) + fraction) / of,
+                        absl::StrCat("light of ", material->material.name()));
+    };
+    auto table = maker.Make(inspection, *material, assets, report);
+    if (!table.ok()) return table.status();
+    known.emplace(bytes, *std::move(table));
+    ++done;
+  }
+  v1::DetectabilityTable table;
+  for (const std::string& name : task.part_materials) {
+    v1::DetectabilityOfMaterial& entry = *table.add_materials();
+    entry = known.at(MaterialOf(inspection, name)->material.SerializeAsString());
+    entry.set_part_material(name);
+  }
+  return table;
+}
+
+}  // namespace sightline
