@@ -90,6 +90,7 @@ absl::Status TakeAssets(const std::string& context, v1::Inspection* inspection,
   inspection->clear_costs();
   inspection->clear_uncertainty();
   inspection->clear_tolerances();
+  inspection->clear_detectability();
   PartFileOptions options;
   options.construction_geometry = inspection->part().construction_geometry();
   absl::Status status = AddMesh("", options, inspection->mutable_part()->mutable_file(),
@@ -102,12 +103,17 @@ absl::Status TakeAssets(const std::string& context, v1::Inspection* inspection,
                      obstacle->mutable_unit(), assets);
     if (!status.ok()) return status;
   }
-  for (int i = 0; i < inspection->materials_size(); ++i) {
+  return TakeMaterialAssets(context, inspection->mutable_materials(), assets);
+}
+
+absl::Status TakeMaterialAssets(const std::string& context,
+                                google::protobuf::RepeatedPtrField<v1::MaterialAssignment>* materials,
+                                std::vector<AssetFile>* assets) {
+  for (int i = 0; i < materials->size(); ++i) {
     int number = 0;
-    v1::Material* material = inspection->mutable_materials(i)->mutable_material();
-    for (std::string* file : MutableMaterialFiles(material)) {
+    for (std::string* file : MutableMaterialFiles(materials->Mutable(i)->mutable_material())) {
       const std::string name = absl::StrCat("material-", i, "-", number++, "/", FileName(*file));
-      status = AddAsset(*file, name, assets);
+      absl::Status status = AddAsset(*file, name, assets);
       if (!status.ok()) {
         return absl::Status(status.code(),
                             absl::StrCat(context, ": materials[", i, "]: ", status.message()));

@@ -275,7 +275,10 @@ class CoverageClientImpl final : public CoverageClient {
                        explanation.obstacle() >= scene_.spec().obstacles_size()))) {
           return absl::InternalError("server answered an unknown reason or obstacle");
         }
-        reasons.push_back({explanation.reason(), named ? explanation.obstacle() : -1});
+        const bool light = explanation.reason() == v1::UNCOVERED_REASON_TOO_DARK ||
+                           explanation.reason() == v1::UNCOVERED_REASON_TOO_BRIGHT;
+        reasons.push_back({explanation.reason(), named ? explanation.obstacle() : -1,
+                           light ? explanation.exposure_time_s() : 0});
       }
     }
     return reasons;

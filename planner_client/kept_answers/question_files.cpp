@@ -57,6 +57,7 @@ constexpr FileField kFileFields[] = {
 constexpr std::string_view kTextFields[] = {
     "AcceptanceLimit.quantity",
     "AreaLight.name",
+    "DetectabilityOfMaterial.part_material",
     "Effect.effect",
     "Inspection.defaults",
     "Inspection.name",

@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <chrono>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
@@ -80,6 +81,16 @@ absl::StatusOr<std::string> UserCacheFolder(const std::string& name) {
   const std::string folder = absl::StrCat(own->path(), "/", name);
   if (absl::Status s = MakePrivateFolder(folder); !s.ok()) return s;
   return folder;
+}
+
+void RemoveUnusedFiles(const std::string& folder) {
+  constexpr auto kKeptUnused = std::chrono::hours(24 * 30);
+  std::error_code error;
+  const auto now = fs::file_time_type::clock::now();
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
+    std::error_code gone;
+    if (now - entry.last_write_time(gone) > kKeptUnused && !gone) fs::remove(entry.path(), gone);
+  }
 }
 
 }  // namespace sightline

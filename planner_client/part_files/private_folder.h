@@ -18,4 +18,7 @@ absl::Status MakePrivateFolder(const std::string& folder);
 // of this process, gone when it ends. INVALID_ARGUMENT: not even that can be made.
 absl::StatusOr<std::string> UserCacheFolder(const std::string& name);
 
+// Removes the files of a cache that were last written or touched more than 30 days ago.
+void RemoveUnusedFiles(const std::string& folder);
+
 }  // namespace sightline

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "planner_client/part_files/step_mesh.h"
 
-#include <chrono>
 #include <cstdlib>
 #include <filesystem>
 #include <optional>
@@ -23,7 +22,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr auto kKeptUnused = std::chrono::hours(24 * 30);
 constexpr uint64_t kMaxGlbBytes = uint64_t{1} << 31;
 constexpr uint64_t kMaxRecordBytes = uint64_t{1} << 20;
 // First line of a record, and part of every key: another number when either changes.
@@ -111,15 +109,6 @@ class KeptMesh {
   const std::string glb_, record_;
 };
 
-void RemoveUnused(const fs::path& folder) {
-  std::error_code error;
-  const auto now = fs::file_time_type::clock::now();
-  for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
-    std::error_code gone;
-    if (now - entry.last_write_time(gone) > kKeptUnused && !gone) fs::remove(entry.path(), gone);
-  }
-}
-
 absl::StatusOr<std::string> CacheFolder(const std::string& given) {
   std::string folder = given;
   if (const char* value = std::getenv(kStepCacheVariable); folder.empty() && value != nullptr) {
@@ -149,7 +138,7 @@ absl::StatusOr<StepMesh> MeshOfStepFile(const std::string& file, const StepMeshO
     kept.Touch();
     return *std::move(mesh);
   }
-  RemoveUnused(*folder);
+  RemoveUnusedFiles(*folder);
   auto made = kept.Make(*step, options);
   if (made.ok() && damaged) {
     made->remarks.push_back(

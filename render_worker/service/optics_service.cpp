@@ -7,6 +7,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "proto/status/rpc_status.h"
+#include "render_worker/detectability/detectability_table.h"
+#include "render_worker/material/material.h"
 #include "render_worker/render/part_inspection.h"
 #include "render_worker/service/asset_folder.h"
 
@@ -14,6 +16,8 @@ namespace sightline {
 namespace {
 
 constexpr char kOpticsJobKind[] = "optics";
+constexpr char kDetectabilityJobKind[] = "detectability";
+constexpr int kMostPartMaterials = 256;
 
 // Resources of one job.
 struct OpticsWork {
@@ -23,6 +27,24 @@ struct OpticsWork {
   std::vector<ActiveEffect> effects;
   OpticsTask task;
 };
+
+// Resources of one table.
+struct DetectabilityWork {
+  explicit DetectabilityWork(std::string folder) : assets(std::move(folder)) {}
+  AssetFolder assets;
+  Inspection inspection;
+  std::vector<ActiveEffect> effects;
+  DetectabilityTask task;
+};
+
+// Files of the inspection's materials.
+std::vector<std::string> FilesOfMaterials(const Inspection& inspection) {
+  std::vector<std::string> files;
+  for (const MaterialChoice& choice : inspection.materials) {
+    for (const std::string& file : MaterialFiles(choice.material)) files.push_back(file);
+  }
+  return files;
+}
 
 }  // namespace
 
@@ -96,6 +118,83 @@ grpc::Status OpticsServiceImpl::GetOptics(grpc::ServerContext* context,
     const auto result = answers_.Result(request->job_id(), kOpticsJobKind);
     if (!result.ok()) return result.status();
     response->mutable_optics()->ParseFromString(**result);
+    return absl::OkStatus();
+  });
+}
+
+grpc::Status OpticsServiceImpl::CreateDetectability(grpc::ServerContext* context,
+                                                    const v1::CreateDetectabilityRequest* request,
+                                                    v1::CreateDetectabilityResponse* response) {
+  return p_.calls->Run("CreateDetectability", context,
+                       [&] { return CreateTable(PeerOf(*context), *request, response); });
+}
+
+absl::Status OpticsServiceImpl::CreateTable(const std::string& peer,
+                                            const v1::CreateDetectabilityRequest& request,
+                                            v1::CreateDetectabilityResponse* response) {
+  auto admission = answers_.Admit(kDetectabilityJobKind, peer, request);
+  if (!admission.ok()) return admission.status();
+  if (admission->known) {
+    *response->mutable_job() = *std::move(admission->known);
+    return absl::OkStatus();
+  }
+  auto work = std::make_shared<DetectabilityWork>(
+      absl::StrCat(p_.spool_folder, "/detectability-input-", next_folder_++));
+  auto inspection = ParsePartInspection(request.inspection(), "inspection");
+  if (!inspection.ok()) return inspection.status();
+  work->inspection = *std::move(inspection);
+  auto effects = MakeEffects(work->inspection.effects);
+  if (!effects.ok()) return effects.status();
+  work->effects = *std::move(effects);
+  if (request.part_materials().empty() || request.part_materials_size() > kMostPartMaterials) {
+    return InvalidFields({{"part_materials", absl::StrCat("has ", request.part_materials_size(),
+                                                          " names, must have 1 to ",
+                                                          kMostPartMaterials)}});
+  }
+  DetectabilityTask& task = work->task;
+  task.part_materials.assign(request.part_materials().begin(), request.part_materials().end());
+  // The widest permitted pupil is the brightest.
+  task.f_number = request.inspection().optics().f_numbers().empty()
+                      ? work->inspection.rig.lens->f_number
+                      : work->inspection.optics->f_numbers.front();
+  if (work->inspection.detectability) {
+    task.min_detected_fraction = work->inspection.detectability->min_detected_fraction;
+  }
+  task.seed = request.has_seed() ? static_cast<uint64_t>(request.seed()) : 1;
+  if (absl::Status s = work->assets.Add(request.assets(), "assets", p_.assets); !s.ok()) return s;
+  for (const std::string& file : FilesOfMaterials(work->inspection)) {
+    if (work->assets.Has(file)) continue;
+    return InvalidFields({{"assets", absl::StrCat("has no entry for ", file)}});
+  }
+  auto job = answers_.Create(
+      kDetectabilityJobKind, request, std::move(admission->room),
+      [this, work](const AnswerJobs::Progress& progress,
+                   JobContext& context) -> absl::StatusOr<std::string> {
+        DetectabilityHooks hooks;
+        hooks.limits.threads = p_.threads;
+        hooks.limits.max_image_bytes = p_.max_image_bytes;
+        hooks.limits.cancelled = &context.cancelled();
+        hooks.on_progress = [&](double fraction, const std::string& what) {
+          progress(fraction, what);
+        };
+        auto table = MakeDetectabilityTable(
+            work->inspection, work->effects,
+            [&](const std::string& file) { return work->assets.Resolve(file); }, work->task, hooks);
+        if (!table.ok()) return work->assets.WithoutFolder(table.status());
+        return table->SerializeAsString();
+      });
+  if (!job.ok()) return job.status();
+  *response->mutable_job() = *std::move(job);
+  return absl::OkStatus();
+}
+
+grpc::Status OpticsServiceImpl::GetDetectability(grpc::ServerContext* context,
+                                                 const v1::GetDetectabilityRequest* request,
+                                                 v1::GetDetectabilityResponse* response) {
+  return p_.calls->Run("GetDetectability", context, [&]() -> absl::Status {
+    const auto result = answers_.Result(request->job_id(), kDetectabilityJobKind);
+    if (!result.ok()) return result.status();
+    response->mutable_table()->ParseFromString(**result);
     return absl::OkStatus();
   });
 }

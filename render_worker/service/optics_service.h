@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// OpticsService: choices of camera and laser settings, as jobs.
+// OpticsService: choices of camera and laser settings, and tables of detectability, as jobs.
 #pragma once
 
 #include <atomic>
@@ -35,10 +35,18 @@ class OpticsServiceImpl final : public v1::OpticsService::Service {
                             v1::CreateOpticsResponse* response) override;
   grpc::Status GetOptics(grpc::ServerContext* context, const v1::GetOpticsRequest* request,
                          v1::GetOpticsResponse* response) override;
+  grpc::Status CreateDetectability(grpc::ServerContext* context,
+                                   const v1::CreateDetectabilityRequest* request,
+                                   v1::CreateDetectabilityResponse* response) override;
+  grpc::Status GetDetectability(grpc::ServerContext* context,
+                                const v1::GetDetectabilityRequest* request,
+                                v1::GetDetectabilityResponse* response) override;
 
  private:
   absl::Status Create(const std::string& peer, const v1::CreateOpticsRequest& request,
                       v1::CreateOpticsResponse* response);
+  absl::Status CreateTable(const std::string& peer, const v1::CreateDetectabilityRequest& request,
+                           v1::CreateDetectabilityResponse* response);
 
   const Parts p_;
   AnswerJobs answers_;

@@ -82,6 +82,7 @@ Command AddPlanCommand(CLI::App& app) {
     }
     GiveBothServersTls(options->session.coverage_server, &options->session.tls,
                        options->worker.address, &options->worker.tls);
+    options->session.worker = options->worker;
     return RunPlan(*options);
   };
 }

@@ -77,7 +77,7 @@ void AddPlanOptions(CLI::App& app, PlanOptions* options) {
                "do not write points/scan_NN.ply");
   app.add_flag("--ellipsoids", options->output.ellipsoids,
                "for uncertainty: write points/scan_NN_ellipsoids.ply too");
-  NeedOption(app, {"--optics-rounds", "--render-worker", "--threads"}, "--optics");
+  NeedOption(app, {"--optics-rounds"}, "--optics");
 }
 
 absl::Status CheckPickAlone(const CLI::App& app) {

@@ -105,6 +105,10 @@ absl::StatusOr<ReportData> DescribeForReport(const PlanningSession& session,
   data.sampling = session.inspection.targets;
   data.measurable = session.client->measurable();
   data.reasons = document.reasons;
+  if (const v1::SceneSpec& spec = client.scene().spec; spec.has_detectability()) {
+    data.permitted_exposures = {spec.detectability().min_exposure_time_s(),
+                                spec.detectability().max_exposure_time_s()};
+  }
   for (size_t i = 0; i < session.obstacles.size(); ++i) {
     data.obstacles.push_back({session.obstacles[i].name,
                               client.scene().spec.obstacles(static_cast<int>(i)).frame(),

@@ -247,7 +247,7 @@ v1::SceneReasons Reasons(const ReportData& data) {
        JoinMeasurable(CountReasons(data.reasons, data.measurable, names, all))) {
     v1::SceneReasons::Kind& kind = *reasons.add_kinds();
     kind.set_reason(count.reason());
-    kind.set_text(ReasonWords(count.reason(), count.obstacle()));
+    kind.set_text(ReasonWords(count, data.permitted_exposures));
     kind.set_targets(count.targets());
     number_of[{count.reason(), count.obstacle()}] = static_cast<uint8_t>(reasons.kinds_size());
   }

@@ -19,6 +19,7 @@
 #include "planner_client/command_line/process/print.h"
 #include "planner_client/command_line/process/progress_line.h"
 #include "planner_client/commands/planning/session/robot_outputs.h"
+#include "planner_client/commands/planning/session/session_light.h"
 #include "planner_client/gain_model/coverage_gain_model.h"
 #include "planner_client/part_files/part_file.h"
 #include "planner_client/requirements/joined_scans.h"
@@ -31,6 +32,9 @@ namespace {
 // Plans are only scored on validation targets, exactly: their field serves to find out which of
 // them can be measured, and directions between its own are tried there anyway.
 constexpr int kFreshFieldDirections = 576;
+
+// The part of opening a session that the light of the materials takes, where it is asked for.
+constexpr ProgressPhase kLightPhase{kOpenSessionPhase.begin, 0.5 * kOpenSessionPhase.end};
 
 // Another seed than the one of the plan's own targets, which follows from it.
 int64_t FreshSeed(int64_t seed) {
@@ -201,6 +205,13 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
   }
 
   CoverageTask task;
+  auto light = LightOfSession(options.inspection_file, session.inspection, *session.part,
+                              options.worker, kLightPhase);
+  if (!light.ok()) return light.status();
+  if (*light) {
+    task.detectability = std::move((*light)->detectability);
+    for (std::string& remark : (*light)->remarks) session.plan_remarks.push_back(std::move(remark));
+  }
   task.part = session.part;
   task.part_name = session.inspection.part_file;
   task.rig = session.inspection.rig;
@@ -257,6 +268,7 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
     client.embedded = session.server.get();
   }
   ProgressPhase phase = kOpenSessionPhase;
+  if (task.detectability) phase.begin = kLightPhase.end;
   const double middle = (phase.begin + phase.end) / 2;
   if (options.fresh_targets) phase.end = middle;
   ProgressLine progress(phase);
@@ -265,6 +277,7 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
     progress.Show(fraction, message);
   };
   CoverageTask validation_task = task;
+  const bool light_limits = task.detectability.has_value();
   auto opened = CoverageClient::Open(client, std::move(task));
   if (!opened.ok()) return opened.status();
   session.client = std::move(*opened);
@@ -308,7 +321,8 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
                            session.inspection.rig.clearance_m > 0
                                ? absl::StrCat(", rig.clearance_m ",
                                               NumberText(session.inspection.rig.clearance_m), " m")
-                               : ""));
+                               : "",
+                           light_limits ? ", and the light of the materials (detectability)" : ""));
   }
   if (absl::Status status = MakeGainModel(session); !status.ok()) return status;
   AskRobotFirst(options.kept_scans, &session);

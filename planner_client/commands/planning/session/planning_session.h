@@ -17,6 +17,7 @@
 #include "core/part/part_health.h"
 #include "planner_client/command_line/process/progress_line.h"
 #include "planner_client/commands/server_tls.h"
+#include "planner_client/commands/worker_session.h"
 #include "planner_client/coverage_client/coverage_client.h"
 #include "planner_client/gain_model/uncertainty_gain_model.h"
 #include "planner_client/plan_file/part_of_plan.h"
@@ -34,6 +35,8 @@ struct SessionOptions {
   // Empty: an embedded server is started.
   std::string coverage_server;
   ServerTlsOptions tls;  // of that server
+  // Computes the light of the part's materials, where the inspection limits targets by it.
+  WorkerSessionOptions worker;
   int field_directions = kDefaultFieldDirections;
   // Also sample validation targets, which the search does not see, to score plans on.
   bool fresh_targets = true;

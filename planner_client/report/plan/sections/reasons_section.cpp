@@ -2,6 +2,7 @@
 #include "planner_client/report/plan/sections/reasons_section.h"
 
 #include <algorithm>
+#include <optional>
 #include <vector>
 
 #include "planner_client/report/plan/sections/plan_text.h"
@@ -24,7 +25,8 @@ v1::ReportCell Share(int64_t part, int64_t of) {
                 : TextCell(kNoValue);
 }
 
-v1::ReportBlock ReasonTable(const v1::PlanCoverage& coverage) {
+v1::ReportBlock ReasonTable(const v1::PlanCoverage& coverage,
+                            const std::optional<ExposureLimits>& permitted) {
   const std::vector<v1::UncoveredCount> counts(coverage.uncovered().begin(),
                                                coverage.uncovered().end());
   const auto targets_of = [&](const v1::UncoveredCount& reason, bool measurable) {
@@ -43,7 +45,7 @@ v1::ReportBlock ReasonTable(const v1::PlanCoverage& coverage) {
     const int64_t measurable = targets_of(reason, true);
     sum += reason.targets();
     sum_measurable += measurable;
-    v1::ReportCell name = TextCell(ReasonWords(reason.reason(), reason.obstacle()));
+    v1::ReportCell name = TextCell(ReasonWords(reason, permitted));
     name.set_reason(reason.reason());
     rows.push_back({name, CountCell(reason.targets()), Share(reason.targets(), coverage.targets()),
                     CountCell(measurable), CountCell(targets_of(reason, false))});
@@ -82,7 +84,7 @@ v1::ReportBlock NamedTable(const std::string& title, const std::vector<NamedTarg
 std::string ReasonsOf(const ReportData& data, const std::vector<uint32_t>& targets) {
   if (data.reasons.empty()) return "";
   return ReasonList(CountReasons(data.reasons, data.measurable, ObstacleNames(data), targets),
-                    kNamedReasons);
+                    kNamedReasons, data.permitted_exposures);
 }
 
 std::string ReasonsOfUnmeasurable(const ReportData& data) {
@@ -105,13 +107,13 @@ ReportBlocks ReasonsBlocks(const ReportData& data) {
           "are not counted as measurable all the same were missed by the search for measurable "
           "targets. "
           "\u201cWhy it is not measured\u201d in the view above shows where."),
-      ReasonTable(coverage)};
+      ReasonTable(coverage, data.permitted_exposures)};
   std::vector<NamedTargets> regions;
   for (const v1::RegionCoverage& region : coverage.regions()) {
     const std::vector<v1::UncoveredCount> counts(region.uncovered().begin(),
                                                  region.uncovered().end());
     regions.push_back({region.name(), region.targets(), region.measurable_targets(),
-                       region.covered_targets(), ReasonList(counts, kNamedReasons)});
+                       region.covered_targets(), ReasonList(counts, kNamedReasons, data.permitted_exposures)});
   }
   if (!regions.empty()) blocks.push_back(NamedTable("region of interest", regions));
   if (data.uncertainty.has_value() && !data.uncertainty->feature_targets.empty()) {

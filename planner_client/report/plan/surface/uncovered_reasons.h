@@ -2,6 +2,7 @@
 // Reasons why targets are not covered, counted and in words.
 #pragma once
 
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -22,10 +23,13 @@ std::vector<v1::UncoveredCount> CountReasons(std::span<const TargetReason> reaso
 // The same counts without regard to measurability; most frequent first.
 std::vector<v1::UncoveredCount> JoinMeasurable(std::span<const v1::UncoveredCount> counts);
 
-// "hidden by the part itself", "hidden by clamp", "camera or laser would touch clamp".
-std::string ReasonWords(v1::UncoveredReason reason, const std::string& obstacle);
+// "hidden by the part itself", "hidden by clamp", "camera or laser would touch clamp", "too dark:
+// needs 40 ms, the longest permitted exposure is 10 ms".
+std::string ReasonWords(const v1::UncoveredCount& count,
+                        const std::optional<ExposureLimits>& permitted = std::nullopt);
 
 // "hidden by the part itself (120), not chosen (7)"; at most `most` reasons, then "others".
-std::string ReasonList(std::span<const v1::UncoveredCount> counts, size_t most);
+std::string ReasonList(std::span<const v1::UncoveredCount> counts, size_t most,
+                       const std::optional<ExposureLimits>& permitted = std::nullopt);
 
 }  // namespace sightline
