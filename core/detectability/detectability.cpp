@@ -50,21 +50,20 @@ std::vector<double> InRadians(const Values& degrees) {
 
 absl::StatusOr<MaterialExposures> ParseMaterial(const v1::DetectabilityOfMaterial& message,
                                                 const std::string& path, const Checker& check) {
-  SIGHTLINE_RETURN_IF_ERROR(CheckAxis(check, path + ".camera_distances_m",
-                                      message.camera_distances_m(), kDistance));
-  SIGHTLINE_RETURN_IF_ERROR(CheckAxis(check, path + ".camera_incidence_deg",
-                                      message.camera_incidence_deg(), kIncidence));
-  SIGHTLINE_RETURN_IF_ERROR(CheckAxis(check, path + ".laser_incidence_deg",
-                                      message.laser_incidence_deg(), kIncidence));
+  SIGHTLINE_RETURN_IF_ERROR(
+      CheckAxis(check, path + ".camera_distances_m", message.camera_distances_m(), kDistance));
+  SIGHTLINE_RETURN_IF_ERROR(
+      CheckAxis(check, path + ".camera_incidence_deg", message.camera_incidence_deg(), kIncidence));
+  SIGHTLINE_RETURN_IF_ERROR(
+      CheckAxis(check, path + ".laser_incidence_deg", message.laser_incidence_deg(), kIncidence));
   SIGHTLINE_RETURN_IF_ERROR(
       CheckAxis(check, path + ".azimuth_deg", message.azimuth_deg(), kAzimuth));
   SIGHTLINE_RETURN_IF_ERROR(
       check.Range(path + ".laser_distance_m", message.laser_distance_m(), kDistance));
   // Four sizes of at most 2^31 each: compared step by step, so that nothing overflows.
   int64_t entries = 1;
-  for (const int64_t size :
-       {message.camera_distances_m_size(), message.camera_incidence_deg_size(),
-        message.laser_incidence_deg_size(), message.azimuth_deg_size()}) {
+  for (const int64_t size : {message.camera_distances_m_size(), message.camera_incidence_deg_size(),
+                             message.laser_incidence_deg_size(), message.azimuth_deg_size()}) {
     entries *= size;
     if (entries > kMostEntries) {
       return check.Error(path, absl::StrCat("has more than ", kMostEntries, " entries"));
@@ -86,9 +85,9 @@ absl::StatusOr<MaterialExposures> ParseMaterial(const v1::DetectabilityOfMateria
     const std::string longest = absl::StrCat(path, ".longest_exposure_time_s[", i, "]");
     SIGHTLINE_RETURN_IF_ERROR(check.Range(longest, longest_s, kTableTime));
     if (std::isfinite(shortest_s) && longest_s < shortest_s) {
-      return check.Error(longest, absl::StrCat("is ", NumberText(longest_s),
-                                               ", must be at least the shortest time, ",
-                                               NumberText(shortest_s)));
+      return check.Error(
+          longest, absl::StrCat("is ", NumberText(longest_s),
+                                ", must be at least the shortest time, ", NumberText(shortest_s)));
     }
   }
   MaterialExposures exposures;
@@ -125,7 +124,8 @@ ExposureTable::ExposureTable(const MaterialExposures& exposures)
 ExposureRange ExposureTable::At(double camera_distance_m, double laser_distance_m,
                                 double cos_camera, double cos_laser, double cos_between) const {
   const double camera = std::clamp(cos_camera, -1.0, 1.0), laser = std::clamp(cos_laser, -1.0, 1.0);
-  // Spherical law of cosines: cos between = cos camera cos laser + sin camera sin laser cos azimuth.
+  // Spherical law of cosines: cos between = cos camera cos laser + sin camera sin laser cos
+  // azimuth.
   const double sines = std::sqrt((1 - camera * camera) * (1 - laser * laser));
   const double azimuth =
       sines > kLeastSine ? std::acos(std::clamp((cos_between - camera * laser) / sines, -1.0, 1.0))
@@ -192,8 +192,8 @@ absl::StatusOr<Detectability> ParseDetectability(const v1::Detectability& messag
   const std::string materials = "detectability.table.materials";
   if (table.materials().empty()) return check.Error(materials, "is missing");
   if (table.materials_size() > kMostMaterials) {
-    return check.Error(materials, absl::StrCat("has ", table.materials_size(),
-                                               " entries, at most ", kMostMaterials));
+    return check.Error(materials, absl::StrCat("has ", table.materials_size(), " entries, at most ",
+                                               kMostMaterials));
   }
   std::set<std::string> names;
   for (int i = 0; i < table.materials_size(); ++i) {

@@ -58,9 +58,8 @@ absl::StatusOr<PermittedExposures> PermittedExposuresOf(const Inspection& inspec
     const double image_speed_px_per_m =
         inspection.rig.camera.FocalLengthPx() /
         NearestCamera_m(inspection.domain.parameters[kCameraDistance]);
-    const ExposureLimit limit =
-        LimitExposure(inspection.stated_costs, inspection.rig.scan_step_m, *inspection.optics,
-                      image_speed_px_per_m);
+    const ExposureLimit limit = LimitExposure(inspection.stated_costs, inspection.rig.scan_step_m,
+                                              *inspection.optics, image_speed_px_per_m);
     if (limit.longest_s && *limit.longest_s < permitted.longest_s) {
       permitted.longest_s = *limit.longest_s;
       permitted.longest_because = limit.because;
@@ -75,10 +74,10 @@ absl::StatusOr<PermittedExposures> PermittedExposuresOf(const Inspection& inspec
     }
   }
   if (permitted.shortest_s > permitted.longest_s) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        context, ": the shortest permitted exposure, ", NumberText(permitted.shortest_s),
-        " s, is longer than the longest, ", NumberText(permitted.longest_s), " s (",
-        permitted.longest_because, ")"));
+    return absl::InvalidArgumentError(
+        absl::StrCat(context, ": the shortest permitted exposure, ",
+                     NumberText(permitted.shortest_s), " s, is longer than the longest, ",
+                     NumberText(permitted.longest_s), " s (", permitted.longest_because, ")"));
   }
   return permitted;
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// LightLimit on a grid of distances and angles, for queries that ask it of very many places. A place
-// takes the nearest entry. Steps are 1.7 to 2.4 degrees of incidence and 2.4 to 3.4 degrees between
-// the directions.
+// LightLimit on a grid of distances and angles, for queries that ask it of very many places. A
+// place takes the nearest entry. Steps are 1.7 to 2.4 degrees of incidence and 2.4 to 3.4 degrees
+// between the directions.
 #pragma once
 
 #include <algorithm>

@@ -46,7 +46,7 @@ struct Failures {
   uint32_t conditions = 0;
   // Bit i: obstacle i hides the place.
   uint64_t camera_obstacles = 0, laser_obstacles = 0;
-  int touched_obstacle = -1;  // by camera or laser
+  int touched_obstacle = -1;   // by camera or laser
   double exposure_time_s = 0;  // that would show the line, with kTooDark and kTooBright
 
   int Conditions() const {
@@ -164,7 +164,9 @@ class Explainer {
     return cancelled != nullptr && cancelled->load(std::memory_order_relaxed);
   }
 
-  TargetExplanation Found() const { return {UncoveredReason::kNotChosen, -1, tried_, 0, 0, found_}; }
+  TargetExplanation Found() const {
+    return {UncoveredReason::kNotChosen, -1, tried_, 0, 0, found_};
+  }
 
   bool TryNearBest(const std::atomic<bool>* cancelled) {
     const std::array<bool, kAimDimensions> turns = WholeTurns(*task_.domain);
@@ -275,8 +277,7 @@ class Explainer {
     }
     if (task_.light != nullptr && faces_camera && faces_laser) {
       const int16_t entry = task_.light->EntryOf(task_.targets->triangles[target_]);
-      const LightOfPlace light =
-          task_.light->At(entry, normal, scan.to_camera_m, scan.to_laser_m);
+      const LightOfPlace light = task_.light->At(entry, normal, scan.to_camera_m, scan.to_laser_m);
       if (light.verdict == LightVerdict::kTooDark) failures.conditions |= kTooDark;
       if (light.verdict == LightVerdict::kTooBright) failures.conditions |= kTooBright;
       failures.exposure_time_s = light.exposure_time_s;

@@ -122,10 +122,10 @@ class DomainMeasurability {
   ParameterDomain azimuth_, gamma_;
   // Radius of the table: circle within it about the part's centre; 0: none.
   float table_radius_m_ = 0;
-  float min_cos_incidence_ = 0;   // of directions to camera and laser
+  float min_cos_incidence_ = 0;  // of directions to camera and laser
   const LightLimit* light_ = nullptr;
   std::optional<double> laser_distance_m_;  // unset: that of the camera
-  bool other_obstacles_ = false;  // some travel with the stage beside the table
+  bool other_obstacles_ = false;            // some travel with the stage beside the table
   std::optional<PlaceMeasurement> exact_;
 };
 

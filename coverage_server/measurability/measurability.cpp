@@ -85,33 +85,32 @@ void MarkMeasurable(const TargetSet& targets, const VisibilityField& field,
   std::vector<int> candidates, refined, open;
 
   // Some pair of the cells is open and far enough apart, but not too far, and shows the line.
-  const auto has_open_pair = [&](const Eigen::Vector3f& from, const Eigen::Vector3f& normal,
-                                 const LightOnTarget& light,
-                                 const std::vector<Eigen::Vector3f>& all,
-                                 const std::vector<int>& asked) {
-    open.clear();
-    // Cells far apart first: open targets are decided by their first bundle or two.
-    const size_t bundles = (asked.size() + TriangleBvh::kLanes - 1) / TriangleBvh::kLanes;
-    for (size_t b = 0; b < bundles; ++b) {
-      int cells[TriangleBvh::kLanes];
-      int count = 0;
-      for (size_t i = b; i < asked.size() && count < TriangleBvh::kLanes; i += bundles)
-        cells[count++] = asked[i];
-      const uint32_t bits = OpenDirections(occluders, from, all, cells, count);
-      for (int k = 0; k < count; ++k) {
-        if (!((bits >> k) & 1)) continue;
-        for (const int other : open) {
-          const float cosine = all[cells[k]].dot(all[other]);
-          if (cosine <= cos_min && cosine >= cos_max &&
-              light.Shows(normal.dot(all[cells[k]]), normal.dot(all[other]), cosine)) {
-            return true;
+  const auto has_open_pair =
+      [&](const Eigen::Vector3f& from, const Eigen::Vector3f& normal, const LightOnTarget& light,
+          const std::vector<Eigen::Vector3f>& all, const std::vector<int>& asked) {
+        open.clear();
+        // Cells far apart first: open targets are decided by their first bundle or two.
+        const size_t bundles = (asked.size() + TriangleBvh::kLanes - 1) / TriangleBvh::kLanes;
+        for (size_t b = 0; b < bundles; ++b) {
+          int cells[TriangleBvh::kLanes];
+          int count = 0;
+          for (size_t i = b; i < asked.size() && count < TriangleBvh::kLanes; i += bundles)
+            cells[count++] = asked[i];
+          const uint32_t bits = OpenDirections(occluders, from, all, cells, count);
+          for (int k = 0; k < count; ++k) {
+            if (!((bits >> k) & 1)) continue;
+            for (const int other : open) {
+              const float cosine = all[cells[k]].dot(all[other]);
+              if (cosine <= cos_min && cosine >= cos_max &&
+                  light.Shows(normal.dot(all[cells[k]]), normal.dot(all[other]), cosine)) {
+                return true;
+              }
+            }
+            open.push_back(cells[k]);
           }
         }
-        open.push_back(cells[k]);
-      }
-    }
-    return false;
-  };
+        return false;
+      };
 
   // Lifted off its own surface.
   constexpr float kLiftM = 2e-5f;

@@ -15,9 +15,10 @@
 namespace sightline {
 
 // Conditions of the exact evaluation at one place: incidence, footprint, depth per pixel, defocus,
-// image, fan and range; an exposure that shows the line; segments to both sensors that neither the part nor what travels with the
-// stage blocks; bodies that do not touch one another and keep Rig::clearance_m to the table.
-// Offsets are not limited, and obstacles that stand still are not considered.
+// image, fan and range; an exposure that shows the line; segments to both sensors that neither the
+// part nor what travels with the stage blocks; bodies that do not touch one another and keep
+// Rig::clearance_m to the table. Offsets are not limited, and obstacles that stand still are not
+// considered.
 class PlaceMeasurement {
  public:
   // `occluders` and `light` must outlive it. `table`: the one of them that must not be touched; may
@@ -31,8 +32,8 @@ class PlaceMeasurement {
   // `table_height_m`: as in ScanGeometry. `light_entry`: of the place's triangle. The offsets of
   // `measurement` are not read.
   bool Measures(const Measurement& measurement, double table_height_m,
-                const Eigen::Vector3d& place_m, const Eigen::Vector3d& normal,
-                int16_t light_entry, const Eigen::Vector3d& lit_at_m) const;
+                const Eigen::Vector3d& place_m, const Eigen::Vector3d& normal, int16_t light_entry,
+                const Eigen::Vector3d& lit_at_m) const;
 
  private:
   bool TouchesTable(const ScanGeometry& geometry) const;

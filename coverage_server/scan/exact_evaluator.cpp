@@ -198,8 +198,8 @@ std::vector<MeasurementPoint> MeasureScan(const TriangleMesh& part, const Rig& r
       const Eigen::Vector3d normal = part.Normal(c.triangle);
       if (light != nullptr) {
         const Eigen::Vector3d place = c.point.cast<double>();
-        const LightOfPlace here = light->At(light->EntryOf(c.triangle), normal, camera_at - place,
-                                            laser_at - place);
+        const LightOfPlace here =
+            light->At(light->EntryOf(c.triangle), normal, camera_at - place, laser_at - place);
         if (here.verdict != LightVerdict::kDetected) continue;
       }
       points.push_back({c.point, normal.cast<float>(), frame, c.column});

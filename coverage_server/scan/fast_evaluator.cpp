@@ -259,8 +259,7 @@ void AskLight(const FloatScan& f, const float* distances_m, int bins, float firs
          place(1 - cos_laser)) *
             LightMap::kSide +
         place(0.5f * (1 - cos_between));
-    places.shows[i] =
-        (laser_m >= distances_m[2 * cell]) & (laser_m <= distances_m[2 * cell + 1]);
+    places.shows[i] = (laser_m >= distances_m[2 * cell]) & (laser_m <= distances_m[2 * cell + 1]);
   }
 }
 
@@ -417,8 +416,8 @@ int FastEvaluator::KeepLit(const FloatScan& f, size_t block, SeenLane* seen, int
   LitPlaces on_probes;
   for (int k = 0; k < count; ++k) {
     const SeenLane here = seen[k];
-    bool shows = places.shows[k] != 0 ||
-                 light_.entries[begin + here.lane] == LightLimit::kUnlimited;
+    bool shows =
+        places.shows[k] != 0 || light_.entries[begin + here.lane] == LightLimit::kUnlimited;
     if (!shows && b.horizon[here.lane] > 0) {
       const TargetProbes& probes = probes_[begin + here.lane];
       for (int p = 0; p < kProbesPerTarget; ++p) {
@@ -488,13 +487,13 @@ void FastEvaluator::Evaluate(std::span<const ScanInPart> scans, std::span<FastSc
       const int i = seen_lanes[k].lane;
       const size_t target = b * kTargetsPerBlock + static_cast<size_t>(i);
       if (with_seen && target < target_count_) {
-        results[pending.query].seen.push_back({static_cast<uint32_t>(target), seen_lanes[k].probes});
+        results[pending.query].seen.push_back(
+            {static_cast<uint32_t>(target), seen_lanes[k].probes});
         low = std::min(low, lanes.stage[i]);
         high = std::max(high, lanes.stage[i]);
       }
-      if (lanes.sparse[i] &&
-          !GridCovers(floats[pending.query], probes_[target], blocks_[b].horizon[i] == 0,
-                      seen_lanes[k].probes)) {
+      if (lanes.sparse[i] && !GridCovers(floats[pending.query], probes_[target],
+                                         blocks_[b].horizon[i] == 0, seen_lanes[k].probes)) {
         continue;
       }
       bits |= uint64_t{1} << i;

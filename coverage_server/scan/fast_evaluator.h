@@ -53,9 +53,9 @@ class FastEvaluator {
 
   // A target counts as covered if one of its probes faces camera and laser, lies in field of view,
   // fan, range and admissible depth when it is lit, is seen from both, and a permitted exposure
-  // shows the line there, and if the grid of frames and columns is fine enough to put a point there. Evaluates the whole batch block by
-  // block, so that the field is read once a batch. `with_seen`: lists seen targets too. Stops early
-  // when *cancelled.
+  // shows the line there, and if the grid of frames and columns is fine enough to put a point
+  // there. Evaluates the whole batch block by block, so that the field is read once a batch.
+  // `with_seen`: lists seen targets too. Stops early when *cancelled.
   void Evaluate(std::span<const ScanInPart> scans, std::span<FastScan> results, bool with_seen,
                 const std::atomic<bool>* cancelled) const;
 

@@ -88,7 +88,8 @@ absl::Status ParseSettings(const v1::SceneSpec& spec, ParsedSceneSpec* parsed) {
          {std::pair(detectability->min_exposure_time_s.has_value(), "min_exposure_time_s"),
           std::pair(detectability->max_exposure_time_s.has_value(), "max_exposure_time_s"),
           std::pair(!detectability->materials.empty(), "table")}) {
-      if (!given) return InvalidFields({{absl::StrCat("spec.detectability.", field), "is missing"}});
+      if (!given)
+        return InvalidFields({{absl::StrCat("spec.detectability.", field), "is missing"}});
     }
     parsed->detectability = *std::move(detectability);
   }

@@ -206,6 +206,7 @@ int RunExplore(ExploreOptions& options) {
 
   // Scans by hand need no second sample of targets, which would double the time to start.
   options.session.fresh_targets = false;
+  options.session.worker = options.worker;
   auto session = OpenSession(options.session);
   if (!session.ok()) return ReportError(session.status());
   Pictures pictures = OpenPictures(options);

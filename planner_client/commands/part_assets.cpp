@@ -106,9 +106,10 @@ absl::Status TakeAssets(const std::string& context, v1::Inspection* inspection,
   return TakeMaterialAssets(context, inspection->mutable_materials(), assets);
 }
 
-absl::Status TakeMaterialAssets(const std::string& context,
-                                google::protobuf::RepeatedPtrField<v1::MaterialAssignment>* materials,
-                                std::vector<AssetFile>* assets) {
+absl::Status TakeMaterialAssets(
+    const std::string& context,
+    google::protobuf::RepeatedPtrField<v1::MaterialAssignment>* materials,
+    std::vector<AssetFile>* assets) {
   for (int i = 0; i < materials->size(); ++i) {
     int number = 0;
     for (std::string* file : MutableMaterialFiles(materials->Mutable(i)->mutable_material())) {

@@ -32,10 +32,11 @@ absl::StatusOr<ImagingInspection> CheckImagingInspection(const v1::Inspection& m
 absl::Status TakeAssets(const std::string& context, v1::Inspection* inspection,
                         std::vector<AssetFile>* assets);
 
-// Reads the files of materials, which are inline, into `assets` and gives them the names under which
-// they go.
-absl::Status TakeMaterialAssets(const std::string& context,
-                                google::protobuf::RepeatedPtrField<v1::MaterialAssignment>* materials,
-                                std::vector<AssetFile>* assets);
+// Reads the files of materials, which are inline, into `assets` and gives them the names under
+// which they go.
+absl::Status TakeMaterialAssets(
+    const std::string& context,
+    google::protobuf::RepeatedPtrField<v1::MaterialAssignment>* materials,
+    std::vector<AssetFile>* assets);
 
 }  // namespace sightline

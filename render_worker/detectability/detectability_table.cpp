@@ -2,41 +2,32 @@
 #include "render_worker/detectability/detectability_table.h"
 
 #include <algorithm>
-#include <array>
 #include <atomic>
 #include <cmath>
 #include <iterator>
 #include <map>
 #include <memory>
 #include <mutex>
-#include <numbers>
-#include <optional>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "core/field_limits/field_checks.h"
 #include "core/parallel/worker_threads.h"
 #include "core/random/seed.h"
-#include "proto/status/rpc_status.h"
-#include "render_worker/detectability/exposure_range.h"
 #include "render_worker/detectability/facet.h"
-#include "render_worker/optical_planning/choose_setting.h"
-#include "render_worker/optical_planning/lens_image.h"
-#include "render_worker/optical_planning/setting_judge.h"
+#include "render_worker/detectability/facet_exposures.h"
 #include "render_worker/render/part_scene.h"
 
 namespace sightline {
 namespace {
 
-// Half edge of a facet that fills the region under every incidence of the grid, in camera
-// distances.
-constexpr double kFacetHalfEdge = 0.6;
 // Turns of machining marks that are tried.
 constexpr double kMarkTurns_deg[] = {15, 75, 135};
 // Distance of the laser where the rig has it follow the camera.
 constexpr double kUsualLaserDistance_m = 0.5;
 
-constexpr size_t kIncidences = std::size(kFacetIncidence_deg), kAzimuths = std::size(kFacetAzimuth_deg);
+constexpr size_t kIncidences = std::size(kFacetIncidence_deg),
+                 kAzimuths = std::size(kFacetAzimuth_deg);
 
 // Nearest and farthest camera of the domain; one where they are equal.
 std::vector<double> CameraDistances(const ParameterDomain& domain) {
@@ -48,26 +39,6 @@ std::vector<double> CameraDistances(const ParameterDomain& domain) {
   const auto [nearest, farthest] = std::minmax_element(ends.begin(), ends.end());
   if (*farthest <= 1.001 * *nearest) return {*nearest};
   return {*nearest, *farthest};
-}
-
-// The inspection of a facet of one material.
-Inspection FacetInspection(const Inspection& inspection, const MaterialChoice& material,
-                           double laser_distance_m, double f_number) {
-  Inspection facet = inspection;
-  facet.materials = {{"", material.material}};
-  facet.obstacles.clear();
-  facet.rig.laser.distance_m = laser_distance_m;
-  facet.rig.lens->f_number = f_number;
-  facet.rig.part_placement.reset();
-  facet.rig.part_support_points_m.reset();
-  // A plane does not light itself.
-  facet.render.max_bounces = 0;
-  facet.render.laser_interreflection = false;
-  facet.optics->f_numbers = {f_number};
-  facet.optics->exposure_time_s.reset();
-  facet.optics->realisations = 2;
-  facet.optics->two_exposures = false;
-  return facet;
 }
 
 // The material with its machining marks at some angle to the facet's x axis, for every turn that is
@@ -86,40 +57,6 @@ std::vector<v1::Material> Turned(const v1::Material& material) {
     direction->set_z(0);
   }
   return turned;
-}
-
-// The exposure times of one facet.
-absl::StatusOr<ExposureRange> RangeOf(PartScene& scene, std::span<const ActiveEffect> effects,
-                                      const FacetView& view, const DetectabilityTask& task,
-                                      uint64_t seed, const RenderLimits& limits) {
-  const Inspection& inspection = scene.inspection();
-  PartFrameRequest request;
-  request.measurement = MeasurementOf(view);
-  LensSetting lens;
-  lens.f_number = task.f_number;
-  lens.focus_distance_m =
-      std::max({view.camera_distance_m, inspection.rig.lens->min_focus_distance_m.value_or(0),
-                1.01 * inspection.rig.lens->focal_length_m});
-  FrameSetup frame = PartFrameSetup(inspection, request);
-  frame.lens.f_number = lens.f_number;
-  frame.lens.focus_distance_m = lens.focus_distance_m;
-  frame = ApplyFrameEffects(frame, effects);
-  const std::array<double, 1> depths = {view.camera_distance_m};
-  FrameLightOptions options;
-  options.margin_px = LensMarginPx(frame, effects, depths);
-  options.roi = RegionAboutLine(inspection.rig, request.measurement);
-  options.limits = limits;
-  auto light = TraceFrameLight(scene, request, effects, options);
-  if (ErrorReason(light.status()) == "NO_LINE") return ExposureRange{};
-  if (!light.ok()) return light.status();
-  // Nothing comes from there to the camera.
-  if (!(light->median_line_radiance_w_m2_sr > 0)) return ExposureRange{};
-  SettingJudge judge(inspection, effects,
-                     {{std::make_shared<const FrameLight>(*std::move(light)), 1}}, seed, limits);
-  // The shortest of the grid fills a 25th of a bright pixel.
-  const double fill_s = 25 * MakeExposureGrid(judge, inspection, ExposureLimit{}).min_s;
-  if (absl::Status looked = judge.LookThrough(lens); !looked.ok()) return looked;
-  return FindExposureRange(judge, inspection, fill_s, task.min_detected_fraction);
 }
 
 // A point of the grid of one material.
@@ -141,10 +78,10 @@ class MaterialTable {
           // Along the normal the azimuth has no meaning: the first stands for all.
           const size_t azimuths = camera == 0 || laser == 0 ? 1 : kAzimuths;
           for (size_t azimuth = 0; azimuth < azimuths; ++azimuth) {
-            points_.push_back({((d * kIncidences + camera) * kIncidences + laser) * kAzimuths + azimuth,
-                               {distances_m_[d], Radians(kFacetIncidence_deg[camera]),
-                                Radians(kFacetIncidence_deg[laser]),
-                                Radians(kFacetAzimuth_deg[azimuth])}});
+            points_.push_back(
+                {((d * kIncidences + camera) * kIncidences + laser) * kAzimuths + azimuth,
+                 {distances_m_[d], Radians(kFacetIncidence_deg[camera]),
+                  Radians(kFacetIncidence_deg[laser]), Radians(kFacetAzimuth_deg[azimuth])}});
           }
         }
       }
@@ -152,18 +89,14 @@ class MaterialTable {
   }
 
   // `report`: fractions in [0, 1], by one thread at a time.
-  absl::StatusOr<v1::DetectabilityOfMaterial> Make(const Inspection& inspection,
-                                                   const MaterialChoice& material,
-                                                   const AssetResolver& assets,
-                                                   const std::function<void(double)>& report) const {
+  absl::StatusOr<v1::DetectabilityOfMaterial> Make(
+      const Inspection& inspection, const MaterialChoice& material, const AssetResolver& assets,
+      const std::function<void(double)>& report) const {
     const std::vector<v1::Material> turned = Turned(material.material);
     std::vector<std::unique_ptr<PartScene>> scenes;
     for (const v1::Material& one : turned) {
-      PartSceneInput input;
-      input.inspection = FacetInspection(inspection, {"", one}, laser_distance_m_, task_.f_number);
-      input.part = FacetMesh(kFacetHalfEdge * distances_m_.back());
-      input.assets = assets;
-      auto scene = PartScene::Make(std::move(input));
+      auto scene = MakeFacetScene(inspection, one, laser_distance_m_, distances_m_.back(),
+                                  task_.f_number, assets);
       if (!scene.ok()) return scene.status();
       scenes.push_back(*std::move(scene));
     }
@@ -189,8 +122,9 @@ class MaterialTable {
       threads.Start([&] {
         for (size_t i = next++; i < ranges.size() && !failed; i = next++) {
           const GridPoint& point = points_[i / scenes.size()];
-          auto range = RangeOf(*scenes[i % scenes.size()], effects_, point.view, task_,
-                               DeriveSeed(task_.seed, "facet", i), limits);
+          auto range = FacetExposures(*scenes[i % scenes.size()], effects_, point.view,
+                                      task_.min_detected_fraction,
+                                      DeriveSeed(task_.seed, "facet", i), limits);
           statuses[i] = range.status();
           if (range.ok()) {
             ranges[i] = *range;
@@ -222,8 +156,9 @@ class MaterialTable {
     table.mutable_shortest_exposure_time_s()->Resize(static_cast<int>(entries), 0);
     table.mutable_longest_exposure_time_s()->Resize(static_cast<int>(entries), 0);
     for (size_t p = 0; p < points_.size(); ++p) {
-      std::vector<ExposureRange> of_turns(ranges.begin() + static_cast<std::ptrdiff_t>(p * turns),
-                                          ranges.begin() + static_cast<std::ptrdiff_t>((p + 1) * turns));
+      std::vector<ExposureRange> of_turns(
+          ranges.begin() + static_cast<std::ptrdiff_t>(p * turns),
+          ranges.begin() + static_cast<std::ptrdiff_t>((p + 1) * turns));
       // The middle one as a whole, so that shortest and longest belong together.
       std::sort(of_turns.begin(), of_turns.end(), [](const auto& a, const auto& b) {
         return std::pair(a.shortest_s, a.longest_s) < std::pair(b.shortest_s, b.longest_s);

@@ -48,14 +48,16 @@ Measurement MeasurementOf(const FacetView& view) {
 
 RegionOfInterest RegionAboutLine(const Rig& rig, const Measurement& measurement) {
   const ScanGeometry geometry = MakeScanGeometry(rig, measurement);
-  const Eigen::Vector3d line =
-      geometry.part_rotation.col(2).cross(geometry.sheet_normal);
+  const Eigen::Vector3d line = geometry.part_rotation.col(2).cross(geometry.sheet_normal);
   const double along = std::abs(line.dot(geometry.camera.x_axis)),
                across = std::abs(line.dot(geometry.camera.y_axis));
   const double slope = across / std::max(along, 1e-9);
   RegionOfInterest region;
-  region.columns_px = slope < 1 ? kColumns_px : slope < 2 ? 2 * kFewestColumns_px : kFewestColumns_px;
-  const double rows = std::min<double>(kMostRows_px, 2 * kRowsBeside_px + slope * region.columns_px);
+  region.columns_px = slope < 1   ? kColumns_px
+                      : slope < 2 ? 2 * kFewestColumns_px
+                                  : kFewestColumns_px;
+  const double rows =
+      std::min<double>(kMostRows_px, 2 * kRowsBeside_px + slope * region.columns_px);
   region.rows_px = 4 * static_cast<int>(std::ceil(rows / 4));
   region.columns_px = std::min(region.columns_px, rig.camera.columns_px / 4 * 4);
   region.rows_px = std::min(region.rows_px, rig.camera.rows_px / 4 * 4);

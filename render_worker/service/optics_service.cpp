@@ -147,9 +147,9 @@ absl::Status OpticsServiceImpl::CreateTable(const std::string& peer,
   if (!effects.ok()) return effects.status();
   work->effects = *std::move(effects);
   if (request.part_materials().empty() || request.part_materials_size() > kMostPartMaterials) {
-    return InvalidFields({{"part_materials", absl::StrCat("has ", request.part_materials_size(),
-                                                          " names, must have 1 to ",
-                                                          kMostPartMaterials)}});
+    return InvalidFields(
+        {{"part_materials", absl::StrCat("has ", request.part_materials_size(),
+                                         " names, must have 1 to ", kMostPartMaterials)}});
   }
   DetectabilityTask& task = work->task;
   task.part_materials.assign(request.part_materials().begin(), request.part_materials().end());

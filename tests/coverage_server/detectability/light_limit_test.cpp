@@ -26,8 +26,8 @@ MaterialExposures UpTo(double incidence_rad, const std::string& name = "") {
   MaterialExposures material;
   material.part_material = name;
   material.camera_distances_m = {1};
-  material.camera_incidence_rad = material.laser_incidence_rad = {0, incidence_rad,
-                                                                  incidence_rad + 1e-6};
+  material.camera_incidence_rad =
+      material.laser_incidence_rad = {0, incidence_rad, incidence_rad + 1e-6};
   material.azimuth_rad = {0};
   material.laser_distance_m = 1;
   for (int camera = 0; camera < 3; ++camera) {
@@ -66,8 +66,8 @@ SceneDefinition Sphere() {
   std::vector<Eigen::Vector2d> profile;
   for (int i = 0; i <= kRings; ++i) {
     const double angle = std::numbers::pi * (static_cast<double>(i) / kRings - 0.5);
-    profile.push_back({i == 0 || i == kRings ? 0 : kRadius_m * std::cos(angle),
-                       kRadius_m * std::sin(angle)});
+    profile.push_back(
+        {i == 0 || i == kRings ? 0 : kRadius_m * std::cos(angle), kRadius_m * std::sin(angle)});
   }
   SceneDefinition definition;
   definition.part = Lathe(profile, 120);
@@ -91,7 +91,8 @@ TEST(LightLimit, ForbiddenIncidenceCoversLikeALimitOnIncidence) {
     const Measurement m = RandomMeasurement(random);
     const ExactCoverage a = by_angle->EvaluateExact(m, nullptr, nullptr),
                         b = by_light->EvaluateExact(m, nullptr, nullptr);
-    if (a.feasibility != Feasibility::kFeasible || b.feasibility != Feasibility::kFeasible) continue;
+    if (a.feasibility != Feasibility::kFeasible || b.feasibility != Feasibility::kFeasible)
+      continue;
     covered += b.covered.Count();
     exact_differs += a.covered.CountNotIn(b.covered) + b.covered.CountNotIn(a.covered);
     FastCoverage fast;
@@ -128,8 +129,8 @@ TEST(LightLimit, MapAgreesWithTheTable) {
     const double between = camera * laser + std::sqrt((1 - camera * camera) * (1 - laser * laser)) *
                                                 std::cos(random.Uniform(0, std::numbers::pi));
     const double distance_m = random.Uniform(0.2, 0.8), laser_m = random.Uniform(0.3, 1.5);
-    const bool exact = limit.At(0, distance_m, laser_m, camera, laser, between).verdict ==
-                       LightVerdict::kDetected;
+    const bool exact =
+        limit.At(0, distance_m, laser_m, camera, laser, between).verdict == LightVerdict::kDetected;
     shown += exact;
     differ += exact != map.Detects(0, static_cast<float>(distance_m), static_cast<float>(laser_m),
                                    static_cast<float>(camera), static_cast<float>(laser),
@@ -177,8 +178,7 @@ TEST(LightLimit, MaterialsHaveTheirOwnTables) {
     }
     EXPECT_GT(bright, 50);
     EXPECT_GT(scene->measurable_in_free_space().Count(), scene->measurable().Count());
-    const ExactCoverage coverage =
-        scene->EvaluateExact(OverheadMeasurement(0.5), nullptr, nullptr);
+    const ExactCoverage coverage = scene->EvaluateExact(OverheadMeasurement(0.5), nullptr, nullptr);
     ASSERT_EQ(coverage.feasibility, Feasibility::kFeasible);
     EXPECT_GT(coverage.covered.Count(), 0);
     for (size_t t = 0; t < scene->targets().size(); ++t) {

@@ -167,7 +167,8 @@ absl::Status PutFoundPart(std::shared_ptr<const MeasuredPart> measured, Planning
   session.measured = measured;
   // As the server reads it: vertices that fell together are one.
   auto welded = LoadPartFromMemory(
-      EncodePly(*measured->mesh, /*with_materials=*/task.detectability.has_value()), "ply", "m", "part as measured");
+      EncodePly(*measured->mesh, /*with_materials=*/task.detectability.has_value()), "ply", "m",
+      "part as measured");
   if (!welded.ok()) return welded.status();
   task.part = std::make_shared<const TriangleMesh>(*std::move(welded));
   task.rig = session.inspection.rig;

@@ -56,10 +56,11 @@ absl::Status CheckTableNames(const std::string& inspection_file, const Detectabi
     for (const std::string& surface : surfaces) {
       if (!surface.empty()) known.push_back(Quoted(surface));
     }
-    return absl::InvalidArgumentError(absl::StrCat(
-        inspection_file, ": detectability.table.materials[", i, "].part_material is ", Quoted(name),
-        ", but the part ",
-        known.empty() ? "names no materials" : absl::StrCat("has only ", absl::StrJoin(known, ", "))));
+    return absl::InvalidArgumentError(
+        absl::StrCat(inspection_file, ": detectability.table.materials[", i, "].part_material is ",
+                     Quoted(name), ", but the part ",
+                     known.empty() ? "names no materials"
+                                   : absl::StrCat("has only ", absl::StrJoin(known, ", "))));
   }
   return absl::OkStatus();
 }
@@ -115,7 +116,9 @@ absl::StatusOr<DetectabilityQuestion> QuestionFor(const std::string& inspection_
   }
   if (!bare->empty()) *asked.add_materials()->mutable_material() = MattAluminium();
   for (const std::string& name : needed) question.request.add_part_materials(name);
-  if (absl::Status s = TakeMaterialAssets(inspection_file, asked.mutable_materials(), &question.assets); !s.ok()) {
+  if (absl::Status s =
+          TakeMaterialAssets(inspection_file, asked.mutable_materials(), &question.assets);
+      !s.ok()) {
     return s;
   }
   return question;
@@ -136,18 +139,21 @@ absl::StatusOr<v1::DetectabilityTable> TableFor(const DetectabilityQuestion& que
   if (!build.ok()) return build.status();
   const auto folder = UserCacheFolder("detectability");
   if (!folder.ok()) return folder.status();
-  return KeptDetectability(*folder, *build, question, [&]() -> absl::StatusOr<v1::DetectabilityTable> {
-    ProgressLine progress(phase);
-    WorkerClientOptions client;
-    const auto server = StartWorkerSession(worker, &progress, &client);
-    if (!server.ok()) return server.status();
-    auto table = AskDetectability(client, question);
-    progress.Finish();
-    return table;
-  });
+  return KeptDetectability(*folder, *build, question,
+                           [&]() -> absl::StatusOr<v1::DetectabilityTable> {
+                             ProgressLine progress(phase);
+                             WorkerClientOptions client;
+                             const auto server = StartWorkerSession(worker, &progress, &client);
+                             if (!server.ok()) return server.status();
+                             auto table = AskDetectability(client, question);
+                             progress.Finish();
+                             return table;
+                           });
 }
 
-std::string MillisecondsText(double time_s) { return absl::StrCat(NumberText(1e3 * time_s), " ms"); }
+std::string MillisecondsText(double time_s) {
+  return absl::StrCat(NumberText(1e3 * time_s), " ms");
+}
 
 }  // namespace
 
@@ -183,8 +189,8 @@ absl::StatusOr<std::optional<SessionLight>> LightOfSession(const std::string& in
       names.push_back(name.empty() ? "surfaces without a name" : Quoted(name));
     }
     light.remarks.push_back(absl::StrCat(
-        "Light: no material is given for ", surfaces.size() == 1 && bare[0].empty()
-                                                ? std::string("the part")
+        "Light: no material is given for ",
+        surfaces.size() == 1 && bare[0].empty() ? std::string("the part")
                                                 : absl::StrJoin(names, ", "),
         "; matt aluminium is assumed (diffuse albedo 0.4, F0 0.4, GGX roughness 0.6)"));
     PrintTextTo(stderr, "%s\n", light.remarks.back().c_str());

@@ -113,7 +113,8 @@ ReportBlocks ReasonsBlocks(const ReportData& data) {
     const std::vector<v1::UncoveredCount> counts(region.uncovered().begin(),
                                                  region.uncovered().end());
     regions.push_back({region.name(), region.targets(), region.measurable_targets(),
-                       region.covered_targets(), ReasonList(counts, kNamedReasons, data.permitted_exposures)});
+                       region.covered_targets(),
+                       ReasonList(counts, kNamedReasons, data.permitted_exposures)});
   }
   if (!regions.empty()) blocks.push_back(NamedTable("region of interest", regions));
   if (data.uncertainty.has_value() && !data.uncertainty->feature_targets.empty()) {
