@@ -49,11 +49,8 @@ ExposureLimit LimitExposure(const CostModel& costs, double scan_step_m,
 
 absl::StatusOr<PermittedExposures> PermittedExposuresOf(const Inspection& inspection,
                                                         const std::string& context) {
-  PermittedExposures permitted{kShortestExposure_s, kLongestExposure_s, "the camera"};
-  if (inspection.sensor) {
-    permitted.shortest_s = inspection.sensor->min_exposure_time_s.value_or(kShortestExposure_s);
-    permitted.longest_s = inspection.sensor->max_exposure_time_s.value_or(kLongestExposure_s);
-  }
+  PermittedExposures permitted{inspection.min_exposure_time_s, inspection.max_exposure_time_s,
+                               "the camera"};
   if (inspection.optics) {
     const double image_speed_px_per_m =
         inspection.rig.camera.FocalLengthPx() /

@@ -220,6 +220,8 @@ struct Inspection {
   std::optional<ToleranceRequirements> tolerances;
   // Inputs of image rendering; planning does not read these.
   std::optional<Sensor> sensor;
+  // Exposure times that the camera has; with its defaults where the camera file has none.
+  double min_exposure_time_s = kShortestExposure_s, max_exposure_time_s = kLongestExposure_s;
   std::vector<MaterialChoice> materials;
   v1::Lighting lighting;  // radiances and places are checked, spectra by the renderer
   RenderSettings render;

@@ -150,6 +150,26 @@ absl::Status ParseQuantumEfficiency(const v1::Sensor& message, const Checker& ch
   return absl::OkStatus();
 }
 
+// The times of the camera file, which images do not depend on.
+absl::Status CheckExposureTimes(const v1::Sensor& message, const Checker& check) {
+  if (message.has_min_exposure_time_s()) {
+    SIGHTLINE_RETURN_IF_ERROR(
+        check.Range("min_exposure_time_s", message.min_exposure_time_s(), kExposureTime));
+  }
+  if (message.has_max_exposure_time_s()) {
+    SIGHTLINE_RETURN_IF_ERROR(
+        check.Range("max_exposure_time_s", message.max_exposure_time_s(), kExposureTime));
+  }
+  if (message.has_min_exposure_time_s() && message.has_max_exposure_time_s() &&
+      message.min_exposure_time_s() > message.max_exposure_time_s()) {
+    return check.Error("min_exposure_time_s",
+                       absl::StrCat("is ", NumberText(message.min_exposure_time_s()),
+                                    " s, must be at most max_exposure_time_s, ",
+                                    NumberText(message.max_exposure_time_s()), " s"));
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 double QuantumEfficiencyCurve::At(double wavelength) const {
@@ -255,23 +275,7 @@ absl::StatusOr<Sensor> ParseSensor(const v1::Sensor& message, const std::string&
                                     ", must be below saturation_capacity_electrons, ",
                                     NumberText(sensor.saturation_capacity_electrons)));
   }
-  if (message.has_min_exposure_time_s()) {
-    sensor.min_exposure_time_s = message.min_exposure_time_s();
-    SIGHTLINE_RETURN_IF_ERROR(
-        check.Range("min_exposure_time_s", *sensor.min_exposure_time_s, kExposureTime));
-  }
-  if (message.has_max_exposure_time_s()) {
-    sensor.max_exposure_time_s = message.max_exposure_time_s();
-    SIGHTLINE_RETURN_IF_ERROR(
-        check.Range("max_exposure_time_s", *sensor.max_exposure_time_s, kExposureTime));
-  }
-  if (sensor.min_exposure_time_s && sensor.max_exposure_time_s &&
-      *sensor.min_exposure_time_s > *sensor.max_exposure_time_s) {
-    return check.Error("min_exposure_time_s",
-                       absl::StrCat("is ", NumberText(*sensor.min_exposure_time_s),
-                                    " s, must be at most max_exposure_time_s, ",
-                                    NumberText(*sensor.max_exposure_time_s), " s"));
-  }
+  SIGHTLINE_RETURN_IF_ERROR(CheckExposureTimes(message, check));
   SIGHTLINE_RETURN_IF_ERROR(ParseQuantumEfficiency(message, check, &sensor));
   return sensor;
 }
@@ -301,8 +305,6 @@ v1::Sensor SensorToProto(const Sensor& sensor) {
   message.set_prnu_relative(sensor.prnu_relative);
   message.set_dsnu_electrons(sensor.dsnu_electrons);
   message.set_black_level_dn(sensor.black_level_dn);
-  if (sensor.min_exposure_time_s) message.set_min_exposure_time_s(*sensor.min_exposure_time_s);
-  if (sensor.max_exposure_time_s) message.set_max_exposure_time_s(*sensor.max_exposure_time_s);
 
   const auto set = [mono](auto* target, int channel, double value) {
     if (mono) {

@@ -44,8 +44,6 @@ struct Sensor {
   double prnu_relative = 0;            // standard deviation of the pixels' sensitivity
   double dsnu_electrons = 0;           // standard deviation of the pixels' offset
   double black_level_dn = 0;           // added before quantisation
-  // Exposure times that the camera has; unset: not stated.
-  std::optional<double> min_exposure_time_s, max_exposure_time_s;
   // One curve for mono sensors; red, green, blue for Bayer sensors.
   std::array<QuantumEfficiencyCurve, 3> quantum_efficiency;
 

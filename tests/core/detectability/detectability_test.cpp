@@ -152,9 +152,8 @@ TEST(Detectability, RefusesBadTablesByName) {
 TEST(PermittedExposures, AreThoseOfTheCameraAndTheStage) {
   Inspection inspection;
   inspection.domain = ThesisDomain();
-  inspection.sensor.emplace();
-  inspection.sensor->min_exposure_time_s = 2e-5;
-  inspection.sensor->max_exposure_time_s = 0.5;
+  inspection.min_exposure_time_s = 2e-5;
+  inspection.max_exposure_time_s = 0.5;
   auto permitted = PermittedExposuresOf(inspection, "file");
   ASSERT_TRUE(permitted.ok());
   EXPECT_DOUBLE_EQ(permitted->shortest_s, 2e-5);
