@@ -22,7 +22,7 @@ constexpr Limits kAzimuth{0, 180, " deg"};
 // A time that shows the line; infinity has its meaning.
 constexpr Limits kTableTime{0, std::numeric_limits<double>::infinity(), " s", true};
 constexpr int64_t kMostEntries = 1 << 16;
-constexpr int kMostMaterials = 256;
+constexpr int kMostMaterials = 64;
 // Sines of both incidences below which the azimuth has no meaning.
 constexpr double kLeastSine = 1e-9;
 

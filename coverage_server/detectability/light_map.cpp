@@ -7,7 +7,7 @@ namespace sightline {
 namespace {
 
 // Camera distances of the grid where a table has several; times change little along them.
-constexpr int kDistanceBins = 6;
+constexpr int kDistanceBins = 4;
 
 }  // namespace
 

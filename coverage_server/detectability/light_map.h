@@ -57,6 +57,7 @@ class LightMap {
     return static_cast<size_t>(entry) * static_cast<size_t>(bins_) * kSide * kSide * kSide;
   }
   int bins() const { return bins_; }
+  int64_t bytes() const { return static_cast<int64_t>(distances_m_.size() * sizeof(float)); }
   float first_bin_m() const { return first_bin_m_; }
   float bins_per_m() const { return bins_per_m_; }
   float BinDistance(int bin) const {

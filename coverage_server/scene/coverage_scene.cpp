@@ -165,7 +165,9 @@ class CoverageSceneImpl final : public CoverageScene {
     return measurable_orientations_;
   }
   Eigen::Vector3d part_centre_m() const override { return part_centre_m_; }
-  int64_t field_bytes() const override { return static_cast<int64_t>(field_->bytes()); }
+  int64_t field_bytes() const override {
+    return static_cast<int64_t>(field_->bytes()) + (light_map_ ? light_map_->bytes() : 0);
+  }
   const SceneTimings& timings() const override { return timings_; }
 
   void EvaluateGains(std::span<const Measurement> measurements, const TargetBits* covered,

@@ -17,7 +17,7 @@ namespace {
 
 constexpr char kOpticsJobKind[] = "optics";
 constexpr char kDetectabilityJobKind[] = "detectability";
-constexpr int kMostPartMaterials = 256;
+constexpr int kMostPartMaterials = 64;
 
 // Resources of one job.
 struct OpticsWork {

@@ -207,6 +207,51 @@ TEST_F(CoverageServiceTest, CreatesASceneOnce) {
   EXPECT_EQ(connection_->CreateScene(scene.spec())->result_key(), digest);
 }
 
+// Parts of one shape with different materials are different to light, and the same without it.
+TEST_F(CoverageServiceTest, ScenesWithLightNameTheMaterials) {
+  Start();
+  TriangleMesh box = *LoadedBox({0.1f, 0.1f, 0.1f});
+  box.material_names = {"steel", "paint"};
+  box.triangle_material.assign(box.triangles.size(), 0);
+  box.triangle_material[0] = 1;
+  const std::string name = PartNameWithMaterials(box);
+  v1::UploadPartResponse uploaded;
+  ASSERT_TRUE(connection_->Upload(EncodePly(box, true), "ply", "m", &uploaded).ok());
+  EXPECT_EQ(uploaded.part_digest(), PartDigestOf(box).Text());
+
+  v1::SceneSpec spec;
+  spec.set_part_digest(name);
+  v1::Detectability& light = *spec.mutable_detectability();
+  light.set_min_exposure_time_s(1e-4);
+  const auto incomplete = connection_->CreateScene(spec);
+  EXPECT_EQ(incomplete.status().code(), absl::StatusCode::kInvalidArgument);
+  light.set_max_exposure_time_s(1e-2);
+  v1::DetectabilityOfMaterial& material = *light.mutable_table()->add_materials();
+  material.add_camera_distances_m(1);
+  material.add_camera_incidence_deg(0);
+  material.add_laser_incidence_deg(0);
+  material.add_azimuth_deg(0);
+  material.set_laser_distance_m(1);
+  material.add_shortest_exposure_time_s(1e-3);
+  material.add_longest_exposure_time_s(std::numeric_limits<double>::infinity());
+  const auto with_light = connection_->CreateScene(spec);
+  ASSERT_TRUE(with_light.ok()) << with_light.status();
+  v1::SceneSpec longer = spec;
+  longer.mutable_detectability()->set_max_exposure_time_s(2e-2);
+  EXPECT_NE(connection_->CreateScene(longer)->job_id(), with_light->job_id());
+  // The fraction went into the table; a scene does not depend on it.
+  v1::SceneSpec fraction = spec;
+  fraction.mutable_detectability()->set_min_detected_fraction(0.5);
+  EXPECT_EQ(connection_->CreateScene(fraction)->job_id(), with_light->job_id());
+
+  box.triangle_material[0] = 0;
+  v1::SceneSpec other = spec;
+  other.set_part_digest(PartNameWithMaterials(box));
+  EXPECT_EQ(ErrorReason(connection_->CreateScene(other).status()), kReasonPartUnknown);
+  other.set_part_digest(name + "0");
+  EXPECT_EQ(connection_->CreateScene(other).status().code(), absl::StatusCode::kInvalidArgument);
+}
+
 // The build would take longer than the test may.
 TEST_F(CoverageServiceTest, CancelsAJob) {
   FakeOptions fake;
