@@ -28,13 +28,12 @@ LightLimit::LightLimit(const Detectability& detectability, const TriangleMesh& p
 }
 
 LightOfPlace LightLimit::At(int16_t entry, double camera_distance_m, double laser_distance_m,
-                            double cos_camera, double cos_laser, double cos_between,
-                            double slack) const {
+                            double cos_camera, double cos_laser, double cos_between) const {
   if (entry == kUnlimited) return {};
   const ExposureRange needed = tables_[static_cast<size_t>(entry)].At(
       camera_distance_m, laser_distance_m, cos_camera, cos_laser, cos_between);
-  if (needed.shortest_s > slack * longest_s_) return {LightVerdict::kTooDark, needed.shortest_s};
-  if (slack * needed.longest_s < shortest_s_) return {LightVerdict::kTooBright, needed.longest_s};
+  if (needed.shortest_s > longest_s_) return {LightVerdict::kTooDark, needed.shortest_s};
+  if (needed.longest_s < shortest_s_) return {LightVerdict::kTooBright, needed.longest_s};
   return {};
 }
 

@@ -39,10 +39,9 @@ class LightLimit {
   // `normal` of any length; the vectors lead from the place to camera and laser [m].
   LightOfPlace At(int16_t entry, const Eigen::Vector3d& normal, const Eigen::Vector3d& to_camera_m,
                   const Eigen::Vector3d& to_laser_m) const;
-  // The same by distances and cosines (ExposureTable::At). `slack`: factor, at least 1, by which
-  // both permitted times are taken wider.
+  // The same by distances and cosines (ExposureTable::At).
   LightOfPlace At(int16_t entry, double camera_distance_m, double laser_distance_m,
-                  double cos_camera, double cos_laser, double cos_between, double slack = 1) const;
+                  double cos_camera, double cos_laser, double cos_between) const;
 
   const std::vector<ExposureTable>& tables() const { return tables_; }
   double shortest_s() const { return shortest_s_; }

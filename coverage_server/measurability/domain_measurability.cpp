@@ -27,6 +27,8 @@ constexpr size_t kMostTurns = 12;
 constexpr double kNearest = 0.6;
 // Scans that are evaluated exactly for one target and orientation.
 constexpr int kMostScans = 2048;
+// Pairs of directions whose light is looked up for one target and orientation: about a millisecond.
+constexpr int kMostLooks = 50000;
 // Cosine by which the middle of a cell or step may be steeper than a direction in it: 2.8 degrees,
 // half the diagonal of a step, at an incidence of 70 degrees.
 constexpr float kCellSlack = 0.05f;
@@ -103,6 +105,7 @@ struct DomainMeasurability::TargetState {
   std::vector<uint8_t> fine;
   int16_t light_entry = LightLimit::kUnlimited;
   int scans = 0;  // evaluated exactly
+  int looks = 0;  // at the light of pairs
 };
 
 DomainMeasurability::DomainMeasurability(const Rig& rig, const TargetSampling& sampling,
@@ -110,7 +113,7 @@ DomainMeasurability::DomainMeasurability(const Rig& rig, const TargetSampling& s
                                          const Eigen::Vector3d& part_centre_m,
                                          const VisibilityField& field,
                                          const std::vector<Occluder>& occluders,
-                                         const LightLimit* light)
+                                         const LightLimit* light, const LightMap* light_map)
     : field_(field),
       occluders_(occluders),
       part_centre_m_(part_centre_m.cast<float>()),
@@ -118,6 +121,7 @@ DomainMeasurability::DomainMeasurability(const Rig& rig, const TargetSampling& s
       azimuth_(domain.parameters[kCameraAzimuth]),
       gamma_(domain.parameters[kPartGamma]),
       light_(light),
+      light_map_(light_map),
       laser_distance_m_(rig.laser.distance_m) {
   for (int c = 0; c < fine_.cells(); ++c) fine_directions_.push_back(fine_.Direction(c));
   if (sampling.max_incidence_rad) {
@@ -371,20 +375,37 @@ bool DomainMeasurability::ScanMeasures(const Rest& rest, const PairScan& scan, d
   return false;
 }
 
-bool DomainMeasurability::MayShow(const PairScan& scan, const TargetState& state,
-                                  const Eigen::Vector3f& normal, const Eigen::Vector3f& to_camera,
-                                  const Eigen::Vector3f& to_laser) const {
-  // Directions along the laser line and distances of the laser are near those of the scans only.
-  constexpr double kSlack = 1.5;
-  if (light_ == nullptr || state.light_entry == LightLimit::kUnlimited) return true;
+bool DomainMeasurability::MayHaveLight(const TargetState& state, float cosine) const {
+  if (light_map_ == nullptr || state.light_entry == LightLimit::kUnlimited) return true;
+  const float nearest_m =
+      laser_distance_m_ ? static_cast<float>(kNearest * *laser_distance_m_) : nearest_m_;
+  // The middle of a cell stands for all of it.
+  for (const float slack : {0.0F, kCellSlack, -kCellSlack}) {
+    if (light_map_->FarthestLaser(state.light_entry, cosine + slack) >= nearest_m) return true;
+  }
+  return false;
+}
+
+bool DomainMeasurability::MayHaveLight(const PairScan& scan, TargetState& state,
+                                       const Eigen::Vector3f& normal,
+                                       const Eigen::Vector3f& to_camera,
+                                       const Eigen::Vector3f& to_laser) const {
+  // The map's steps, and distances of the laser that are near those of the scans only.
+  constexpr float kSlack = 1.5F;
+  if (light_map_ == nullptr || state.light_entry == LightLimit::kUnlimited) return true;
+  ++state.looks;
+  const float cos_camera = normal.dot(to_camera), cos_laser = normal.dot(to_laser),
+              cos_between = to_camera.dot(to_laser);
   for (const double distance_m : scan.distances_m) {
-    const double range_m =
-        distance_m * std::sin(scan.tau_rad) / std::sin(scan.tau_rad - scan.off_axis_rad);
-    const LightOfPlace light =
-        light_->At(state.light_entry, range_m, laser_distance_m_.value_or(distance_m),
-                   double{normal.dot(to_camera)}, double{normal.dot(to_laser)},
-                   double{to_camera.dot(to_laser)}, kSlack);
-    if (light.verdict == LightVerdict::kDetected) return true;
+    const auto range_m = static_cast<float>(distance_m * std::sin(scan.tau_rad) /
+                                            std::sin(scan.tau_rad - scan.off_axis_rad));
+    const auto laser_m = static_cast<float>(laser_distance_m_.value_or(distance_m));
+    for (const float factor : {1.0F, kSlack, 1 / kSlack}) {
+      if (light_map_->Detects(state.light_entry, range_m, factor * laser_m, cos_camera, cos_laser,
+                              cos_between)) {
+        return true;
+      }
+    }
   }
   return false;
 }
@@ -405,7 +426,7 @@ bool DomainMeasurability::PairMeasures(const Rest& rest, const Arc& arc, const P
         return normal.dot(direction) < min_cos_incidence_ - slack;
       };
       if (too_steep(to_camera) || too_steep(to_laser)) continue;
-      if (!MayShow(scan, state, normal, to_camera, to_laser)) continue;
+      if (!MayHaveLight(scan, state, normal, to_camera, to_laser)) continue;
       // A full turn of the part keeps the sensors where they are; one of the sensors, the part.
       const double gamma = FullTurn(gamma_) ? arc.gamma_rad - step_rad : arc.gamma_rad;
       for (const double turn : TurnsAt(azimuth, gamma)) {
@@ -497,7 +518,7 @@ bool DomainMeasurability::MeasurableAt(const Rest& rest, TargetState& state) con
     for (uint64_t c = open & cameras; c != 0; c &= c - 1) {
       const int camera = std::countr_zero(c);
       for (uint64_t l = allowed_lasers_[camera] & open & lasers; l != 0; l &= l - 1) {
-        if (state.scans >= kMostScans) return false;
+        if (state.scans >= kMostScans || state.looks >= kMostLooks) return false;
         if (PairMeasures(rest, arc, pair_scans_[camera * kPolars + std::countr_zero(l)], state)) {
           return true;
         }
@@ -527,13 +548,15 @@ void DomainMeasurability::Keep(const TargetSet& targets, size_t begin, size_t en
     state.cell_open.assign(map.cells(), 0);
     for (int c = 0; c < map.cells(); ++c) {
       // Directions of a cell may be on the near side where its middle is not.
-      state.cell_open[c] = field_.Probes(t, c) != 0 &&
-                           state.normal.dot(directions[c]) > min_cos_incidence_ - kCellSlack;
+      const float cosine = state.normal.dot(directions[c]);
+      state.cell_open[c] = field_.Probes(t, c) != 0 && cosine > min_cos_incidence_ - kCellSlack &&
+                           MayHaveLight(state, cosine);
     }
     state.fine.assign(fine_.cells(), 0);
     bool found = false;
     for (size_t r = 0; r < rests_.size() && !(found && orientations.empty()); ++r) {
       state.scans = 0;
+      state.looks = 0;
       if (!MeasurableAt(rests_[r], state)) continue;
       found = true;
       if (!orientations.empty()) orientations[t] |= uint64_t{1} << r;

@@ -12,6 +12,7 @@
 #include "core/rig/rig.h"
 #include "core/targets/target_set.h"
 #include "coverage_server/collision/collision.h"
+#include "coverage_server/detectability/light_map.h"
 #include "coverage_server/measurability/place_measurement.h"
 #include "coverage_server/visibility/visibility_field.h"
 
@@ -28,11 +29,11 @@ namespace sightline {
 class DomainMeasurability {
  public:
   // `part_centre_m`: reference point of offsets. `field`, `occluders` and `light` must outlive it.
-  // `light`: null where light limits nothing.
+  // `light` and its map: null where light limits nothing.
   DomainMeasurability(const Rig& rig, const TargetSampling& sampling,
                       const MeasurementDomain& domain, const Eigen::Vector3d& part_centre_m,
                       const VisibilityField& field, const std::vector<Occluder>& occluders,
-                      const LightLimit* light = nullptr);
+                      const LightLimit* light = nullptr, const LightMap* light_map = nullptr);
 
   // Least and largest angle between camera and laser that domain and limits leave; least above
   // largest: none.
@@ -98,10 +99,12 @@ class DomainMeasurability {
   // Whether scans of this pair of polar angles, or of one beside it in azimuth, measure the target.
   bool PairMeasures(const Rest& rest, const Arc& arc, const PairScans& scans,
                     TargetState& state) const;
-  // Whether some distance of the pair's scans may have enough light, a little generously: the
-  // exact evaluation asks again, and of fewer scans.
-  bool MayShow(const PairScan& scan, const TargetState& state, const Eigen::Vector3f& normal,
-               const Eigen::Vector3f& to_camera, const Eigen::Vector3f& to_laser) const;
+  // Whether a direction with this cosine to the normal may have light, with some other one.
+  bool MayHaveLight(const TargetState& state, float cosine) const;
+  // Whether some distance of the pair's scans may have light, a little generously: the exact
+  // evaluation asks again, and of fewer scans.
+  bool MayHaveLight(const PairScan& scan, TargetState& state, const Eigen::Vector3f& normal,
+                    const Eigen::Vector3f& to_camera, const Eigen::Vector3f& to_laser) const;
   bool ScanMeasures(const Rest& rest, const PairScan& scan, double azimuth_rad, double gamma_rad,
                     double tilt_rad, TargetState& state) const;
 
@@ -124,6 +127,7 @@ class DomainMeasurability {
   float table_radius_m_ = 0;
   float min_cos_incidence_ = 0;  // of directions to camera and laser
   const LightLimit* light_ = nullptr;
+  const LightMap* light_map_ = nullptr;
   std::optional<double> laser_distance_m_;  // unset: that of the camera
   bool other_obstacles_ = false;            // some travel with the stage beside the table
   std::optional<PlaceMeasurement> exact_;

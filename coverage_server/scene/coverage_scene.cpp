@@ -476,7 +476,7 @@ class CoverageSceneImpl final : public CoverageScene {
     if (definition_.domain) {
       const DomainMeasurability by_domain(definition_.rig, definition_.sampling,
                                           *definition_.domain, part_centre_m_, *field_, occluders_,
-                                          light_.get());
+                                          light_.get(), light_map_.get());
       const size_t orientations = definition_.domain->resting_orientations.size();
       if (orientations > 0 && orientations <= 64) {
         measurable_orientations_.assign(targets_.size(), 0);

@@ -103,7 +103,7 @@ constexpr char kGood[] = R"({"min_exposure_time_s": 1e-4, "max_exposure_time_s":
     "laser_distance_m": 0.5, "shortest_exposure_time_s": [1e-3, "Infinity"],
     "longest_exposure_time_s": [0.5, "Infinity"]}]}})";
 
-absl::StatusOr<Detectability> Parse(std::string json, const std::string& from = "",
+absl::StatusOr<Detectability> ReadDetectability(std::string json, const std::string& from = "",
                                     const std::string& to = "") {
   if (!from.empty()) {
     const size_t at = json.find(from);
@@ -117,7 +117,7 @@ absl::StatusOr<Detectability> Parse(std::string json, const std::string& from = 
 }
 
 TEST(Detectability, ReadsATableWithInfiniteTimes) {
-  const auto read = Parse(kGood);
+  const auto read = ReadDetectability(kGood);
   ASSERT_TRUE(read.ok()) << read.status();
   ASSERT_EQ(read->materials.size(), 1u);
   EXPECT_EQ(read->materials[0].part_material, "paint");
@@ -141,7 +141,7 @@ TEST(Detectability, RefusesBadTablesByName) {
       {"{\"min", "{\"min_detected_fraction\": 1.5, \"min", "min_detected_fraction is 1.5"},
   };
   for (const auto& bad : cases) {
-    const auto read = Parse(kGood, bad.from, bad.to);
+    const auto read = ReadDetectability(kGood, bad.from, bad.to);
     ASSERT_FALSE(read.ok()) << bad.message;
     EXPECT_TRUE(absl::StrContains(read.status().message(), bad.message)) << read.status();
     EXPECT_TRUE(absl::StrContains(read.status().message(), "file: detectability."))

@@ -115,7 +115,7 @@ TEST(LightLimit, MapAgreesWithTheTable) {
   for (int i = 0; i <= 17; ++i) material.laser_incidence_rad.push_back(5 * i * kRadPerDeg);
   for (const double distance_m : material.camera_distances_m) {
     for (const double laser : material.laser_incidence_rad) {
-      material.shortest_s.push_back(5e-3 * distance_m / std::cos(laser));
+      material.shortest_s.push_back(1e-2 * distance_m / std::cos(laser));
       material.longest_s.push_back(kInfinity);
     }
   }
