@@ -49,8 +49,8 @@ class LightMap {
     return farthest_m_[static_cast<size_t>(entry) * kSide + Nearest(IncidencePlace(cosine))];
   }
 
-  // Of every cell the least and the largest distance of the laser with which a permitted exposure
-  // shows the line; least above largest: none does. [entry][camera distance][incidence of the
+  // The least and the largest distance of the laser with which a permitted exposure shows the line,
+  // for every cell; least above largest: none does. [entry][camera distance][incidence of the
   // camera][of the laser][angle between both][2].
   const float* distances_m() const { return distances_m_.data(); }
   size_t CellsBefore(int16_t entry) const {

@@ -164,7 +164,7 @@ absl::StatusOr<std::string> SceneRegistry::BuildScene(const ParsedSceneSpec& spe
   if (!part.ok()) return part.status();
   definition.part = (*part)->mesh;
   if (!spec.part_has_materials) {
-    // Whoever uploaded the same shape may have given it materials.
+    // Another client may have uploaded the same shape with materials.
     definition.part.triangle_material.clear();
     definition.part.material_names.clear();
   }

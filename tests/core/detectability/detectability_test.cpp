@@ -104,7 +104,7 @@ constexpr char kGood[] = R"({"min_exposure_time_s": 1e-4, "max_exposure_time_s":
     "longest_exposure_time_s": [0.5, "Infinity"]}]}})";
 
 absl::StatusOr<Detectability> ReadDetectability(std::string json, const std::string& from = "",
-                                    const std::string& to = "") {
+                                                const std::string& to = "") {
   if (!from.empty()) {
     const size_t at = json.find(from);
     EXPECT_NE(at, std::string::npos) << from;

@@ -147,7 +147,7 @@ TEST(DetectabilityTable, IsTheSameForAnyNumberOfThreads) {
     EXPECT_EQ(table->materials(0).camera_distances_m_size(), 1);
     if (bytes.empty()) {
       bytes = table->SerializeAsString();
-      // What the coverage server takes.
+      // The coverage server takes it.
       v1::Detectability message;
       *message.mutable_table() = *table;
       EXPECT_TRUE(ParseDetectability(message, "table").ok());

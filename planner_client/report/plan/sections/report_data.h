@@ -85,7 +85,7 @@ struct ReportData {
   bool one_housing = false;  // camera and laser are moved as one
   // Why targets are not covered, one per target; empty: not known.
   std::vector<TargetReason> reasons;
-  std::optional<ExposureLimits> permitted_exposures;  // where light limits targets
+  std::optional<ExposureLimits> permitted_exposures;  // unset: light limits no target
   // In the order that `reasons` counts them.
   std::vector<ReportObstacle> obstacles;
   std::vector<NamedTiming> timings;
