@@ -17,6 +17,7 @@
 #include "render_worker/detectability/facet.h"
 #include "render_worker/detectability/facet_exposures.h"
 #include "render_worker/render/part_scene.h"
+#include "render_worker/render/part_view.h"
 
 namespace sightline {
 namespace {
@@ -202,6 +203,8 @@ absl::StatusOr<v1::DetectabilityTable> MakeDetectabilityTable(const Inspection& 
                                                               const AssetResolver& assets,
                                                               const DetectabilityTask& task,
                                                               const DetectabilityHooks& hooks) {
+  const FrameSetup nominal = PartFrameSetup(inspection, {MeasurementOf({0.4, 0, 0.5, 0})});
+  if (absl::Status s = CheckEffectsActOnParts(nominal, effects); !s.ok()) return s;
   // Names of the same material share its table.
   std::map<std::string, v1::DetectabilityOfMaterial> known;
   std::map<std::string, const MaterialChoice*> different;

@@ -42,7 +42,8 @@ inline constexpr double kFacetIncidence_deg[] = {0, 15, 30, 45, 60, 70, 80};
 inline constexpr double kFacetAzimuth_deg[] = {0, 60, 110, 140, 160, 170, 180};
 
 // `inspection` has sensor, lens, optics and materials; camera distances are the ends of its domain.
-// INVALID_ARGUMENT: a name without a material, or an error of PartScene::Make; CANCELLED. Same task
+// INVALID_ARGUMENT: a name without a material, an effect of plates alone, or an error of
+// PartScene::Make; CANCELLED. Same task
 // and seed, same bytes, for any number of threads.
 absl::StatusOr<v1::DetectabilityTable> MakeDetectabilityTable(const Inspection& inspection,
                                                               std::span<const ActiveEffect> effects,
