@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "core/association/nominal_surface.h"
+#include "core/association/surface_parameters.h"
 
 namespace sightline {
 namespace {
@@ -20,23 +21,13 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-// Points relative to their mean in units of their extent, so that all numbers are of order 1.
-struct Cloud {
-  Vector3d centre_m = Vector3d::Zero();
-  double scale_m = 1;
-  std::vector<Vector3d> points, normals;
-};
+// Points and their normals, in units in which all numbers are of order 1.
+struct Cloud : NormalisedCloud {
+  std::vector<Vector3d> normals;
 
-Cloud Normalised(std::span<const Vector3d> points_m, std::span<const Vector3d> normals) {
-  Cloud cloud;
-  for (const Vector3d& p : points_m) cloud.centre_m += p / static_cast<double>(points_m.size());
-  double extent_m = 0;
-  for (const Vector3d& p : points_m) extent_m = std::max(extent_m, (p - cloud.centre_m).norm());
-  if (extent_m > 0) cloud.scale_m = extent_m;
-  for (const Vector3d& p : points_m) cloud.points.push_back((p - cloud.centre_m) / cloud.scale_m);
-  cloud.normals.assign(normals.begin(), normals.end());
-  return cloud;
-}
+  Cloud(std::span<const Vector3d> points_m, std::span<const Vector3d> unit_normals)
+      : NormalisedCloud(points_m), normals(unit_normals.begin(), unit_normals.end()) {}
+};
 
 Eigen::Matrix3d Moments(const std::vector<Vector3d>& vectors, const Vector3d& about) {
   Eigen::Matrix3d moments = Eigen::Matrix3d::Zero();
@@ -150,77 +141,12 @@ NominalSurface StartOfTorus(const Cloud& cloud) {
   return s;
 }
 
-// A surface as few numbers about a start: a shift of its point, a tilt of its axis, and its sizes.
-struct Unknowns {
-  NominalSurface start;
-  Vector3d across, other;
-  // Numbers of the free parameters: 0 to 2 shift (across, other, axis), 3 and 4 tilt, 5 to 7 sizes.
-  std::vector<int> used;
-
-  explicit Unknowns(const NominalSurface& s) : start(s) {
-    across = s.axis.unitOrthogonal();
-    other = s.axis.cross(across);
-    switch (s.kind) {
-      case SurfaceKind::kFreeform:
-        break;
-      case SurfaceKind::kPlane:
-        used = {2, 3, 4};
-        break;
-      case SurfaceKind::kCylinder:
-        used = {0, 1, 3, 4, 5};
-        break;
-      case SurfaceKind::kCone:
-        used = {0, 1, 2, 3, 4, 7};
-        break;
-      case SurfaceKind::kSphere:
-        used = {0, 1, 2, 5};
-        break;
-      case SurfaceKind::kTorus:
-        used = {0, 1, 2, 3, 4, 5, 6};
-        break;
-    }
-  }
-
-  NominalSurface At(const VectorXd& x) const {
-    Eigen::Matrix<double, 8, 1> all = Eigen::Matrix<double, 8, 1>::Zero();
-    for (size_t k = 0; k < used.size(); ++k) all(used[k]) = x(static_cast<Eigen::Index>(k));
-    NominalSurface s = start;
-    s.point_m += all(0) * across + all(1) * other + all(2) * start.axis;
-    s.axis = (start.axis + all(3) * across + all(4) * other).normalized();
-    s.radius_m += all(5);
-    s.tube_radius_m += all(6);
-    s.half_angle_rad += all(7);
-    return s;
-  }
-};
-
-struct Distances {
-  using Scalar = double;
-  using InputType = VectorXd;
-  using ValueType = VectorXd;
-  using JacobianType = MatrixXd;
-  enum { InputsAtCompileTime = Eigen::Dynamic, ValuesAtCompileTime = Eigen::Dynamic };
-
-  const Unknowns& unknowns;
-  const std::vector<Vector3d>& points;
-
-  int inputs() const { return static_cast<int>(unknowns.used.size()); }
-  int values() const { return static_cast<int>(points.size()); }
-  int operator()(const VectorXd& x, VectorXd& distances) const {
-    const NominalSurface s = unknowns.At(x);
-    for (size_t i = 0; i < points.size(); ++i) {
-      distances[static_cast<Eigen::Index>(i)] = SignedDistance(s, points[i]);
-    }
-    return 0;
-  }
-};
-
 }  // namespace
 
 std::optional<NominalSurface> FitSurface(SurfaceKind kind, std::span<const Vector3d> points_m,
                                          std::span<const Vector3d> normals) {
   if (kind == SurfaceKind::kFreeform || points_m.size() < 3) return std::nullopt;
-  const Cloud cloud = Normalised(points_m, normals);
+  const Cloud cloud(points_m, normals);
   const NominalSurface start =
       kind == SurfaceKind::kPlane ? StartOfPlane(cloud)
       : kind == SurfaceKind::kCone
@@ -229,20 +155,17 @@ std::optional<NominalSurface> FitSurface(SurfaceKind kind, std::span<const Vecto
   if (!start.point_m.allFinite() || !std::isfinite(start.radius_m + start.tube_radius_m)) {
     return std::nullopt;
   }
-  const Unknowns unknowns(start);
+  const SurfaceParameters unknowns(start);
   VectorXd x = VectorXd::Zero(static_cast<Eigen::Index>(unknowns.used.size()));
   if (cloud.points.size() < unknowns.used.size()) return std::nullopt;
-  const Distances distances{unknowns, cloud.points};
-  Eigen::NumericalDiff<Distances, Eigen::Central> differentiated(distances);
+  const SurfaceDistances distances{unknowns, cloud.points};
+  Eigen::NumericalDiff<SurfaceDistances, Eigen::Central> differentiated(distances);
   Eigen::LevenbergMarquardt<decltype(differentiated)> solver(differentiated);
   solver.parameters.maxfev = 400;
   solver.parameters.ftol = solver.parameters.xtol = 1e-14;
   solver.minimize(x);
   if (!x.allFinite()) return std::nullopt;
-  NominalSurface s = unknowns.At(x);
-  s.point_m = cloud.centre_m + cloud.scale_m * s.point_m;
-  s.radius_m *= cloud.scale_m;
-  s.tube_radius_m *= cloud.scale_m;
+  const NominalSurface s = cloud.InMetres(unknowns.At(x));
   const double half_turn = std::numbers::pi / 2;
   if (kind == SurfaceKind::kCone && !(s.half_angle_rad > 0.01 && s.half_angle_rad < half_turn)) {
     return std::nullopt;
@@ -259,7 +182,8 @@ NominalSurface RecogniseSurface(std::span<const Vector3d> points_m,
     NominalSurface any;
     any.kind = kind;
     // A curved surface passes through any few points: one more than it has parameters decides.
-    if (kind != SurfaceKind::kPlane && points_m.size() <= Unknowns(any).used.size()) continue;
+    if (kind != SurfaceKind::kPlane && points_m.size() <= SurfaceParameters(any).used.size())
+      continue;
     const auto surface = FitSurface(kind, points_m, normals);
     if (!surface) continue;
     bool all_near = true;

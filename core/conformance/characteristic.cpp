@@ -6,9 +6,29 @@
 
 namespace sightline {
 
+bool HasMinimumZone(ToleranceKind kind, bool has_datums) {
+  switch (kind) {
+    case ToleranceKind::kFlatness:
+    case ToleranceKind::kStraightness:
+    case ToleranceKind::kRoundness:
+    case ToleranceKind::kCylindricity:
+      return true;
+    case ToleranceKind::kSurfaceProfile:
+    case ToleranceKind::kLineProfile:
+      return !has_datums;
+    default:
+      return false;
+  }
+}
+
 absl::StatusOr<CharacteristicFit> FitCharacteristic(const Feature& feature,
                                                     const Characteristic& c) {
   if (c.elements.empty()) return absl::UnimplementedError("it binds no surface");
+  if (c.association == Association::kChebyshev &&
+      !HasMinimumZone(c.kind, c.exact_datum || !c.datums.empty())) {
+    return absl::UnimplementedError(
+        "association CHEBYSHEV is evaluated for form and for profiles without datums only");
+  }
   const MotionFrame frame(feature, c.elements);
   switch (c.kind) {
     case ToleranceKind::kFlatness:

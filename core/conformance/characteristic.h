@@ -3,16 +3,17 @@
 // binds, which datums it refers to, and the weights with which deviations of targets add up to its
 // measurand.
 //
-// Association is by least squares (Gauss): every surface is fitted with its sizes free, and the
-// datum system takes the six degrees of freedom of the part in the order of its datums (ISO
-// 5459:2011). Degrees of freedom that the datums leave are those of best fit of the toleranced
-// surfaces themselves (ISO 1101:2017, 4.5; composite tolerances and patterns: ISO 5458:2018). All
-// surfaces of one tolerance are judged together; the worst counts.
+// Association is by least squares (Gauss) unless stated otherwise: every surface is fitted with its
+// sizes free, and the datum system takes the six degrees of freedom of the part in the order of its
+// datums (ISO 5459:2011). Degrees of freedom that the datums leave are those of best fit of the
+// toleranced surfaces themselves (ISO 1101:2017, 4.5; composite tolerances and patterns: ISO
+// 5458:2018). All surfaces of one tolerance are judged together; the worst counts.
 #pragma once
 
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "core/association/association.h"
 #include "core/association/nominal_surface.h"
 #include "core/conformance/decision.h"
 #include "core/conformance/feature.h"
@@ -41,7 +42,13 @@ struct Characteristic {
   // The coordinates of the model are the datum and taken as exact, as for a zone that is not on the
   // drawing; `datums` is empty.
   bool exact_datum = false;
+  // kChebyshev: form by the minimum zone (ISO 1101:2017); profiles without datums by the motion
+  // that makes the largest |deviation| least. Of other characteristics Unimplemented.
+  Association association = Association::kGauss;
 };
+
+// Whether a characteristic of this kind can be associated by the minimum zone.
+bool HasMinimumZone(ToleranceKind kind, bool has_datums);
 
 struct CharacteristicFit {
   FeatureFit fit;

@@ -14,6 +14,7 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
+#include "core/association/chebyshev_fit.h"
 #include "core/random/counter_random.h"
 #include "core/statistics/covariance_root.h"
 
@@ -404,6 +405,38 @@ double LargestRange(const ResidualRows& rows, const VectorXd& r) {
   return largest;
 }
 
+// Least 2 max |r - A p| over the parameters p of a surface's rows A, with a shift of the zone's
+// middle unless it lies about the model. Twice the largest residual where rounding keeps the
+// exchange algorithm from its end.
+double MinimumZoneWidth(const FeatureFit& fit, const ResidualRows& rows, const VectorXd& r,
+                        int surface) {
+  std::vector<int> chosen;
+  for (size_t i = 0; i < rows.surface.size(); ++i) {
+    if (rows.surface[i] == surface) chosen.push_back(static_cast<int>(i));
+  }
+  if (chosen.empty()) return 0;
+  MatrixXd design = AtRows(rows.design, chosen);
+  if (!fit.about_model) {
+    design.conservativeResize(Eigen::NoChange, design.cols() + 1);
+    design.rightCols(1).setOnes();
+  }
+  const VectorXd own = AtRows(r, chosen);
+  const auto zone = FitChebyshev(design, own);
+  return 2 * (zone ? zone->deviation : own.cwiseAbs().maxCoeff());
+}
+
+// Form of least-squares residuals r: of several surfaces the largest.
+double FormOf(const FeatureFit& fit, const ResidualRows& rows, const VectorXd& r) {
+  if (fit.association == Association::kGauss) return LargestRange(rows, r);
+  const int surfaces =
+      rows.surface.empty() ? 0 : *std::max_element(rows.surface.begin(), rows.surface.end()) + 1;
+  double largest = 0;
+  for (int s = 0; s < surfaces; ++s) {
+    largest = std::max(largest, MinimumZoneWidth(fit, rows, r, s));
+  }
+  return largest;
+}
+
 // Lower root of a correlation; a ridge far below any number used keeps it definite.
 MatrixXd RootOfCorrelation(const MatrixXd& correlation) {
   if (correlation.size() == 0) return {};
@@ -421,7 +454,7 @@ MeasurandUncertainty PredictForm(const FeatureFit& fit, const JointErrors& error
   double sum = 0, squares = 0;
   for (int d = 0; d < kFormDraws; ++d) {
     const double range =
-        LargestRange(rows, Residuals(fit, rows, draws.Draw(seed, static_cast<uint64_t>(d))));
+        FormOf(fit, rows, Residuals(fit, rows, draws.Draw(seed, static_cast<uint64_t>(d))));
     sum += range;
     squares += range * range;
   }
@@ -447,6 +480,8 @@ MeasurandUncertainty PredictForm(const FeatureFit& fit, const JointErrors& error
   order.resize(std::min<size_t>(order.size(), kMostPairTargets));
   double largest = -1;
   int a = 0, b = 0;
+  // About the model, the opposite of one residual takes the place of the other of a pair.
+  if (fit.about_model) a = b = order.front(), order.clear();
   for (size_t i = 0; i < order.size(); ++i) {
     for (size_t j = i + 1; j < order.size(); ++j) {
       const int p = order[i], q = order[j];
@@ -456,10 +491,11 @@ MeasurandUncertainty PredictForm(const FeatureFit& fit, const JointErrors& error
     }
   }
   // The pair's difference as weights of the deviations: rows a and b of R.
+  const double other = fit.about_model ? 1 : -1;
   VectorXd weights =
-      -(fit.estimator.transpose() * (rows.design.row(a) - rows.design.row(b)).transpose());
+      -(fit.estimator.transpose() * (rows.design.row(a) + other * rows.design.row(b)).transpose());
   weights[rows.column[static_cast<size_t>(a)]] += 1;
-  weights[rows.column[static_cast<size_t>(b)]] -= 1;
+  weights[rows.column[static_cast<size_t>(b)]] += other;
   result.u = errors.Of(weights);
   result.worst = fit.used[static_cast<size_t>(rows.column[static_cast<size_t>(a)])];
   if (spread > result.u.total_m && result.u.total_m > 0) {
@@ -669,7 +705,7 @@ Eigen::VectorXd FitResiduals(const FeatureFit& fit, const Eigen::VectorXd& devia
 
 double FormDeviation(const FeatureFit& fit, const Eigen::VectorXd& deviations_m) {
   const ResidualRows rows = RowsOf(fit);
-  return LargestRange(rows, Residuals(fit, rows, deviations_m));
+  return FormOf(fit, rows, Residuals(fit, rows, deviations_m));
 }
 
 absl::StatusOr<MeasurandUncertainty> PredictUncertainty(const Feature& f, Measurand measurand,

@@ -31,6 +31,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "core/association/association.h"
 #include "core/surface_inference/surface_inference.h"
 #include "core/triangulation/calibration_derivatives.h"
 
@@ -119,6 +120,12 @@ struct FeatureFit {
   // Rows c of measurands c . parameters [m]; of more than one the worst counts. By measurand,
   // empty for kDeviation and kForm.
   Eigen::MatrixXd functionals;
+  // Form only. kChebyshev: the parameters are those of the minimum zone, and `estimator` serves the
+  // uncertainty alone.
+  Association association = Association::kGauss;
+  // Form only: the zone lies about the model to either side alike, as that of a profile does. Twice
+  // the largest |residual| counts in place of the range.
+  bool about_model = false;
 };
 
 // FailedPrecondition if the measured targets do not determine the fit, or the geometry has no such
@@ -129,8 +136,8 @@ absl::StatusOr<FeatureFit> FitFeature(const Feature& feature, Measurand measuran
 // toleranced targets that are used, in the order of FeatureFit::toleranced.
 Eigen::VectorXd FitResiduals(const FeatureFit& fit, const Eigen::VectorXd& deviations_m);
 
-// Range [m] of what the fit leaves of `deviations_m` (one for each used target); of several
-// surfaces the largest.
+// Range [m] of what the fit leaves of `deviations_m` (one for each used target), by its
+// association; of several surfaces the largest.
 double FormDeviation(const FeatureFit& fit, const Eigen::VectorXd& deviations_m);
 
 // Uncertainty of the measurand [m]; total^2 = noise^2 + sampling^2 + calibration^2 +
@@ -155,6 +162,12 @@ struct MeasurandUncertainty {
 // rather than the standard deviation. The bias falls from its value here towards zero as the true
 // form grows, and below zero where the prior smooths the extremes; a subtraction of it is right for
 // perfect features only. Form between the targets is not seen by any of this.
+//
+// A minimum zone has the same bound u. Its width Z(h) is convex in the deviations h, and its
+// gradient is a convex combination of residuals at one side less one at the other side. That
+// difference is no more uncertain than the worst pair of least-squares residuals. Convexity also
+// bounds the measured width from below: Z(h + e) >= Z(h) + gradient . e, so that errors hide form
+// with no more than this u.
 absl::StatusOr<MeasurandUncertainty> PredictUncertainty(const Feature& feature, Measurand measurand,
                                                         uint64_t seed = 1);
 // The same by a fit of this feature.

@@ -5,7 +5,7 @@
 // The value is made by the linear functionals that predict the uncertainty of a plan
 // (FitCharacteristic), applied to what was measured:
 //   profile      twice the largest |deviation| of a target in the datum system (ISO 1101:2017)
-//   form         range of what the fit of the surface leaves
+//   form         range of what the fit of the surface leaves, or width of the minimum zone
 //   position     twice the largest displacement c_k . p of axis, centre or plane
 //   orientation  largest fall c_k . p over the surface
 //   size         size of the model plus the change c . p

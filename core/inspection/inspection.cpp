@@ -574,6 +574,9 @@ absl::Status ParseUncertaintyGoal(const v1::Inspection& message, const Checker& 
                                             given.relaxed_uncertainty_m(), kZoneWidth));
       requirements.relaxed_uncertainty_m = given.relaxed_uncertainty_m();
     }
+    if (given.association() == v1::ToleranceRequirements::CHEBYSHEV) {
+      requirements.association = Association::kChebyshev;
+    }
     requirements.file = given.file();
     absl::StatusOr<std::string> unit = ToleranceFileUnit(message, check);
     if (!unit.ok()) return unit.status();

@@ -10,6 +10,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "core/association/association.h"
 #include "core/detectability/detectability.h"
 #include "core/inspection/optics_planning.h"
 #include "core/inspection/robot_mount.h"
@@ -127,6 +128,7 @@ struct ToleranceRequirements {
   // the file is the part's own. Empty: the file must state it.
   std::string file_unit;
   std::vector<TolerancedRegion> regions;
+  Association association = Association::kGauss;
 };
 
 struct CostModel {

@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "core/association/minimum_zone.h"
 #include "core/conformance/acceptance.h"
 #include "core/conformance/measured_value.h"
 #include "core/inspection/vector_proto.h"
@@ -73,6 +74,36 @@ Eigen::VectorXd DeviationsOf(const MeasuredState& state, const BoundCharacterist
   return deviations_m;
 }
 
+// Surfaces of form whose association is the minimum zone, put where the measured points have it:
+// what a fit leaves is of second order in the displacement of a curved surface. Targets get their
+// distances from there. Surfaces without a fit keep their nominal place.
+void PlaceMinimumZones(const MeasuredState& state, const std::vector<uint32_t>& targets,
+                       const Feature& feature, Characteristic& c, Eigen::VectorXd& deviations_m) {
+  const bool profile =
+      c.kind == ToleranceKind::kSurfaceProfile || c.kind == ToleranceKind::kLineProfile;
+  if (c.association != Association::kChebyshev || profile) return;
+  for (FeatureElement& element : c.elements) {
+    std::vector<Eigen::Vector3d> points, normals;
+    std::vector<int> used;
+    for (const int t : element.targets) {
+      const FeatureTarget& target = feature.targets[static_cast<size_t>(t)];
+      if (!target.used()) continue;
+      const double mean_m = state.surface.estimates[targets[static_cast<size_t>(t)]].mean_m;
+      points.push_back(target.position_m + mean_m * target.normal);
+      normals.push_back(target.normal);
+      used.push_back(t);
+    }
+    const auto zone = FitMinimumZone(element.surface.kind, points, normals);
+    if (!zone) continue;
+    element.surface = zone->surface;
+    for (size_t i = 0; i < used.size(); ++i) {
+      const Eigen::Vector3d gradient = DistanceGradient(element.surface, points[i], normals[i]);
+      const double side = gradient.dot(normals[i]) < 0 ? -1 : 1;
+      deviations_m[used[i]] = side * SignedDistance(element.surface, points[i]);
+    }
+  }
+}
+
 // Limits of a size. Errors of CheckModelSizes.
 absl::Status SetLimits(const Tolerance* tolerance, const CharacteristicFit& fit,
                        MeasuredZone& zone) {
@@ -129,7 +160,10 @@ void JudgeBoundFeature(const MeasuredState& state, const TolerancedFeature& tole
     registration_m.row(static_cast<Eigen::Index>(i)).tail(of_pose_m.cols()) =
         of_pose_m.row(bound.targets[i]);
   }
-  const auto fit = FitCharacteristic(feature, bound.characteristic);
+  Characteristic characteristic = bound.characteristic;
+  Eigen::VectorXd deviations_m = DeviationsOf(state, bound, feature);
+  PlaceMinimumZones(state, bound.targets, feature, characteristic, deviations_m);
+  const auto fit = FitCharacteristic(feature, characteristic);
   if (absl::IsFailedPrecondition(fit.status()))
     return SetUndecided(fit.status().message(), message);
   if (!fit.ok()) return SetNoEvaluation(fit.status().message(), message);
@@ -147,13 +181,13 @@ void JudgeBoundFeature(const MeasuredState& state, const TolerancedFeature& tole
   const double bonus_m = MaterialBonus(toleranced, bound, feature);
   if (bonus_m > 0) message.set_material_bonus_m(bonus_m);
   zone.width_m += bonus_m;
-  const auto value =
-      EvaluateMeasured(feature, *fit, DeviationsOf(state, bound, feature), zone, options);
+  const auto value = EvaluateMeasured(feature, *fit, deviations_m, zone, options);
   if (absl::IsFailedPrecondition(value.status())) {
     return SetUndecided(value.status().message(), message);
   }
   if (!value.ok()) return SetNoEvaluation(value.status().message(), message);
   SetValue(*value, zone, feature, message);
+  message.mutable_because()->append(AssociationText(state.requirements, toleranced));
 }
 
 // Uncertainty at the targets of an undecided feature with which it may be decided.

@@ -228,6 +228,7 @@ absl::StatusOr<BoundCharacteristic> BindCharacteristic(const TolerancedFeature& 
   Characteristic& c = bound.characteristic;
   c.kind = feature.kind;
   c.exact_datum = by_hand;
+  c.association = feature.association;
   std::vector<std::vector<TargetedSurface>> datums;
   for (const std::string& datum : feature.datums) {
     auto surfaces = SurfacesOfDatum(datum, requirements, binder);

@@ -79,6 +79,7 @@ absl::Status JudgeBound(const Inspection& inspection, const Requirements& requir
   auto judged = JudgeCharacteristic(feature, fit, bound.characteristic, width_m + bonus_m, options);
   if (!judged.ok()) return judged.status();
   SetJudged(*judged, verdict);
+  verdict->mutable_because()->append(AssociationText(requirements, toleranced));
   if (!judged->predicted) return absl::OkStatus();
   verdict->set_admissible_targets(0);
   for (const uint32_t t : all) {

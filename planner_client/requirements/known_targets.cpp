@@ -42,7 +42,8 @@ size_t MostEvaluatedTargets(const Inspection& inspection, const TolerancedFeatur
                             size_t scan_count) {
   const bool profile =
       feature.kind == ToleranceKind::kSurfaceProfile || feature.kind == ToleranceKind::kLineProfile;
-  if (!profile || (!feature.id.empty() && inspection.uncertainty->HasCalibrationErrors())) {
+  if (!profile || feature.association == Association::kChebyshev ||
+      (!feature.id.empty() && inspection.uncertainty->HasCalibrationErrors())) {
     return kMostDenseTargets;
   }
   return std::min(kMostFeatureTargets, kMostFeatureSensitivities / std::max<size_t>(1, scan_count));
@@ -57,6 +58,8 @@ void LeaveOutCorrelation(const BoundCharacteristic& bound, Feature& feature) {
 double KnownUncertainty(const Inspection& inspection, const Requirements& requirements,
                         const TolerancedFeature& feature) {
   const double single_m = AdmissibleUncertainty(feature.zone_width_m, requirements.rule);
+  // All targets make a minimum zone together.
+  if (feature.association == Association::kChebyshev) return single_m;
   switch (feature.kind) {
     case ToleranceKind::kSurfaceProfile:
     case ToleranceKind::kLineProfile:
@@ -71,6 +74,13 @@ double KnownUncertainty(const Inspection& inspection, const Requirements& requir
     default:
       return std::max(single_m, requirements.relaxed_uncertainty_m);
   }
+}
+
+std::string AssociationText(const Requirements& requirements, const TolerancedFeature& feature) {
+  if (requirements.association == Association::kGauss) return "";
+  return feature.association == Association::kChebyshev
+             ? "; association: minimum zone (CHEBYSHEV)"
+             : "; association: least squares (GAUSS), since it has no minimum zone";
 }
 
 const Tolerance* ToleranceOf(const Requirements& requirements, const TolerancedFeature& feature) {

@@ -48,6 +48,10 @@ void LeaveOutCorrelation(const BoundCharacteristic& bound, Feature& feature);
 double KnownUncertainty(const Inspection& inspection, const Requirements& requirements,
                         const TolerancedFeature& feature);
 
+// "; association: minimum zone (CHEBYSHEV)" or that of least squares, for the end of a reason;
+// empty where the inspection states the default association.
+std::string AssociationText(const Requirements& requirements, const TolerancedFeature& feature);
+
 // The tolerance of the file that a feature stands for; null: it is a region of the inspection.
 const Tolerance* ToleranceOf(const Requirements& requirements, const TolerancedFeature& feature);
 

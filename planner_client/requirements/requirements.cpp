@@ -114,6 +114,9 @@ absl::Status AddTolerance(const Tolerance& tolerance, const ToleranceReport& rep
   feature.nominal_m = tolerance.nominal_m;
   feature.text = tolerance.text;
   feature.datums = tolerance.datums;
+  if (HasMinimumZone(feature.kind, !feature.datums.empty())) {
+    feature.association = requirements->association;
+  }
   if (HasModifier(tolerance, "maximum material requirement")) {
     feature.material = MaterialRequirement::kMaximum;
   } else if (HasModifier(tolerance, "least material requirement")) {
@@ -247,6 +250,7 @@ absl::StatusOr<Requirements> MakeRequirements(const Inspection& inspection,
   const ToleranceRequirements& given = *inspection.tolerances;
   Requirements requirements;
   requirements.rule = {given.guard_factor, given.least_acceptance_zone};
+  requirements.association = given.association;
   if (absl::Status status = CheckDecisionRule(requirements.rule); !status.ok()) return status;
   requirements.default_zone_width_m = given.zone_width_m;
   const double part_size_m = part.BoundingBox().sizes().norm();
@@ -293,6 +297,14 @@ absl::StatusOr<Requirements> MakeRequirements(const Inspection& inspection,
         " are left out), and tolerances.zone_width_m is not given"));
   }
 
+  const bool any_minimum_zone =
+      std::any_of(requirements.features.begin(), requirements.features.end(),
+                  [](const auto& f) { return f.association == Association::kChebyshev; });
+  if (given.association == Association::kChebyshev && !any_minimum_zone) {
+    return absl::InvalidArgumentError(
+        "tolerances.association is CHEBYSHEV: no tolerance of tolerances.file is of form or a "
+        "profile without datums, and others are evaluated by least squares (GAUSS)");
+  }
   if (inspection.uncertainty->registration == RegistrationMethod::kDatumFeatures &&
       requirements.datum_faces.empty()) {
     return absl::InvalidArgumentError(

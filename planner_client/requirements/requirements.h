@@ -37,6 +37,8 @@ struct TolerancedFeature {
   std::optional<Eigen::AlignedBox3d> box_m;
   std::vector<FaceSurface> faces;
   bool by_material = false;  // its one face is all surface of some materials, none of the file's
+  // kChebyshev only where the inspection states it and the characteristic has a minimum zone.
+  Association association = Association::kGauss;
 
   bool Contains(const Eigen::Vector3d& position_m, const Eigen::Vector3d& normal) const;
 };
@@ -49,7 +51,8 @@ struct UnboundTolerance {
 
 struct Requirements {
   DecisionRule rule;
-  std::optional<double> default_zone_width_m;  // of targets that no feature holds
+  Association association = Association::kGauss;  // as the inspection states it
+  std::optional<double> default_zone_width_m;     // of targets that no feature holds
   double relaxed_uncertainty_m = 0;
   std::vector<TolerancedFeature> features;
   std::vector<UnboundTolerance> unbound;  // of the file: stated with a value, but not in features
@@ -71,7 +74,7 @@ struct Requirements {
 // `report` and `faces` are those of inspection.tolerances.file, if there is one. INVALID_ARGUMENT
 // names the region or tolerance: a material that the part has not, a face that the file has not, a
 // face that does not lie on the part (FacesOnPart), a zone that is wider than the part, no
-// tolerance at all.
+// tolerance at all, the association CHEBYSHEV where no characteristic has a minimum zone.
 absl::StatusOr<Requirements> MakeRequirements(const Inspection& inspection,
                                               const TriangleMesh& part,
                                               const std::optional<ToleranceReport>& report,

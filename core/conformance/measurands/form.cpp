@@ -33,6 +33,7 @@ absl::StatusOr<CharacteristicFit> FitForm(const MotionFrame& frame, const Charac
   fit.used = frame.used();
   fit.toleranced = TolerancedTargets(c);
   fit.estimator = stacked->estimator;
+  fit.association = c.association;
   fit.design =
       Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(fit.toleranced.size()), fit.estimator.rows());
   Eigen::Index row = 0;

@@ -13,10 +13,12 @@
 namespace sightline {
 
 // Flatness, straightness, roundness, cylindricity: range of what the fit of each surface leaves.
-// Straightness and roundness are those of all lines and sections together, which bounds each.
+// Straightness and roundness are those of all lines and sections together, which bounds each. With
+// the association kChebyshev the width of the minimum zone.
 absl::StatusOr<CharacteristicFit> FitForm(const MotionFrame& frame, const Characteristic& c);
 
-// Profiles: deviation of every target from the model where the datum system lies.
+// Profiles: deviation of every target from the model where the datum system lies. With the
+// association kChebyshev twice the largest |deviation| after the motion that makes it least.
 absl::StatusOr<CharacteristicFit> FitProfile(const MotionFrame& frame, const Characteristic& c);
 
 // Position, coaxiality, concentricity, symmetry: displacement of an axis at its ends, of a centre

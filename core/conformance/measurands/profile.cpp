@@ -7,9 +7,12 @@ absl::StatusOr<CharacteristicFit> FitProfile(const MotionFrame& frame, const Cha
   auto datum = DatumMotion(frame, c, /*remaining_with_sizes=*/false);
   if (!datum.ok()) return datum.status();
   CharacteristicFit result;
-  result.measurand = Measurand::kDeviation;
-  result.zone = ZoneKind::kTwoSided;
   FeatureFit& fit = result.fit;
+  // The motion of a minimum zone is that of all targets together, and so is the value.
+  fit.about_model = c.association == Association::kChebyshev;
+  fit.association = c.association;
+  result.measurand = fit.about_model ? Measurand::kForm : Measurand::kDeviation;
+  result.zone = fit.about_model ? ZoneKind::kOneSided : ZoneKind::kTwoSided;
   fit.used = frame.used();
   fit.toleranced = TolerancedTargets(c);
   fit.estimator = datum->estimator;
