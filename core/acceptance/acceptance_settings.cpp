@@ -25,6 +25,8 @@ constexpr Limits kExposureTime{0, 1000, " s", true};
 
 // Sizes by default, in widths of the field.
 constexpr double kSphereOfField = 0.2, kBarOfField = 0.6, kPlateOfField = 0.7, kRingOfField = 0.25;
+// Side of the hole pattern by default, and the least one in diameters of its bores.
+constexpr double kPatternOfField = 0.6, kLeastPitch = 1.1;
 // An artefact of a default size that does not fit is made smaller so many times by a tenth.
 constexpr int kShrinks = 30;
 
@@ -123,6 +125,25 @@ absl::Status AddFitting(const SizedArtefact& sized, const Rig& rig, const ScanGe
   choice->artefacts.insert(choice->artefacts.end(), fitting.begin(), fitting.end());
   choice->warnings.insert(choice->warnings.end(), left_out.begin(), left_out.end());
   return absl::OkStatus();
+}
+
+// The pattern has bores like the ring and the largest side of the field that fits.
+void AddHolePattern(const Rig& rig, const ScanGeometry& geometry, const SightLimits& limits,
+                    double field_width_m, ArtefactChoice* choice) {
+  const double diameter_m = 2 * choice->artefacts.back().surfaces.front().nominal.radius_m;
+  const double least_m = kLeastPitch * diameter_m;
+  absl::Status fits = absl::OutOfRangeError("the field is too narrow for two bores");
+  for (double side_m = kPatternOfField * field_width_m; side_m >= least_m; side_m *= 0.9) {
+    const Artefact pattern = MakeHolePattern(geometry, side_m, diameter_m);
+    fits = FitsIntoField(rig, geometry, pattern, limits);
+    if (!fits.ok()) continue;
+    choice->artefacts.push_back(pattern);
+    return;
+  }
+  choice->warnings.push_back(
+      absl::StrCat("hole pattern in two set-ups is left out: no pattern with bores of ",
+                   MillimetreText(diameter_m), " fits (", fits.message(),
+                   "); acceptance.ring_diameter_m sets ", "their diameter"));
 }
 
 }  // namespace
@@ -233,6 +254,7 @@ absl::StatusOr<ArtefactChoice> ChooseArtefacts(const AcceptanceSettings& setting
   SIGHTLINE_RETURN_IF_ERROR(
       add({"ring_diameter_m", "ring gauge", settings.ring_diameter_m, kRingOfField * width_m,
            [&](double size_m) { return std::vector{MakeRing(geometry, size_m)}; }}));
+  AddHolePattern(rig, geometry, limits, width_m, &choice);
   return choice;
 }
 

@@ -46,7 +46,7 @@ double FieldWidth(const Rig& rig, const Measurement& place);
 
 struct ArtefactChoice {
   std::vector<Artefact> artefacts;
-  std::vector<std::string> warnings;  // a ball bar that cannot be inclined
+  std::vector<std::string> warnings;  // a ball bar that cannot be inclined, a pattern too large
 };
 
 // INVALID_ARGUMENT: an artefact of the stated size does not fit into the field, or none does; or

@@ -161,6 +161,21 @@ Artefact MakeRing(const ScanGeometry& geometry, double diameter_m) {
   return {ArtefactKind::kRing, "ring gauge", {s}};
 }
 
+Artefact MakeHolePattern(const ScanGeometry& geometry, double side_m, double bore_diameter_m) {
+  const ArtefactSurface bore = MakeRing(geometry, bore_diameter_m).surfaces.front();
+  const Vector3d u = Across(geometry.camera.x_axis, bore.nominal.axis).normalized();
+  const Vector3d v = bore.nominal.axis.cross(u);
+  Artefact pattern{ArtefactKind::kHolePattern, "hole pattern in two set-ups", {}};
+  // Around the square, so that the bore after the next is the opposite one.
+  for (const auto& [along_u, along_v] : {std::pair{-1, -1}, {1, -1}, {1, 1}, {-1, 1}}) {
+    ArtefactSurface& moved = pattern.surfaces.emplace_back(bore);
+    const Vector3d place_m = 0.5 * side_m * (along_u * u + along_v * v);
+    moved.nominal.point_m = place_m;
+    moved.reference_m = place_m - bore.nominal.point_m;
+  }
+  return pattern;
+}
+
 std::vector<Artefact> MakeBallBars(const ScanGeometry& geometry, double length_m,
                                    double diameter_m) {
   const Vector3d towards = Bisector(geometry);

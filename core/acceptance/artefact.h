@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Virtual artefacts of acceptance tests: sphere, ball bar, flat plate and ring gauge, placed where
-// camera and laser of a rig meet (ISO 10360-13; VDI/VDE 2634-2).
+// Virtual artefacts of acceptance tests: sphere, ball bar, flat plate, ring gauge and hole pattern,
+// placed where camera and laser of a rig meet (ISO 10360-13; VDI/VDE 2634-2).
 //
 // Coordinates are those of the world with the stage at 0 (core/rig/scan_geometry.h). Artefacts do
 // not turn: they travel with the stage along x.
@@ -28,7 +28,7 @@ struct ArtefactSurface {
       Eigen::Vector3d::Zero();  // the place that points most towards camera and laser
 };
 
-enum class ArtefactKind { kSphere, kBallBar, kPlate, kRing };
+enum class ArtefactKind { kSphere, kBallBar, kPlate, kRing, kHolePattern };
 
 struct Artefact {
   ArtefactKind kind = ArtefactKind::kSphere;
@@ -57,6 +57,11 @@ std::vector<Eigen::Vector3d> SamplePoints(const ArtefactSurface& surface, int co
 Artefact MakeSphere(const ScanGeometry& geometry, double diameter_m);
 Artefact MakePlate(double side_m);
 Artefact MakeRing(const ScanGeometry& geometry, double diameter_m);
+// Four bores like that of the ring, at the corners of a square of that side across their axis. The
+// pattern is measured in two set-ups, between which it is turned by half a turn about the bores'
+// axis: bore k lies where bore OppositeBore(k) lay, and another side of its wall is seen.
+Artefact MakeHolePattern(const ScanGeometry& geometry, double side_m, double bore_diameter_m);
+inline int OppositeBore(int bore) { return (bore + 2) % 4; }
 // One bar in four directions: along the laser line, along the stage, between both, and along the
 // line 30 degrees off the horizontal.
 std::vector<Artefact> MakeBallBars(const ScanGeometry& geometry, double length_m,

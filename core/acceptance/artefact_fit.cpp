@@ -14,7 +14,7 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr std::array<AcceptanceQuantityInfo, 7> kQuantities = {{
+constexpr std::array<AcceptanceQuantityInfo, 8> kQuantities = {{
     {AcceptanceQuantityKind::kProbingSize, ArtefactKind::kSphere, "probing_size_error",
      "ISO 10360-13 P_Size.Sph.All; VDI/VDE 2634-2 P_S", "probing size error"},
     {AcceptanceQuantityKind::kProbingForm95, ArtefactKind::kSphere, "probing_form_error_95",
@@ -29,6 +29,8 @@ constexpr std::array<AcceptanceQuantityInfo, 7> kQuantities = {{
      "VDI/VDE 2634-2 F", "flatness error, 99.7 % of the points"},
     {AcceptanceQuantityKind::kRingDiameter, ArtefactKind::kRing, "ring_diameter_error",
      "ring gauge, no standard", "ring diameter error"},
+    {AcceptanceQuantityKind::kHoleDistance, ArtefactKind::kHolePattern, "hole_distance_error",
+     "no standard", "distance of holes seen in different set-ups"},
 }};
 
 constexpr double kMost = 0.997;  // VDI/VDE 2634-2: three per mille of the points may be left out
@@ -39,6 +41,61 @@ std::vector<double> Distances(const NominalSurface& fitted, const SurfacePoints&
   distances.reserve(points.positions_m.size());
   for (const Vector3d& p : points.positions_m) distances.push_back(SignedDistance(fitted, p));
   return distances;
+}
+
+using Pattern = std::array<Vector3d, 4>;
+
+// Where the bore at a place of the first set-up lies in the second, and the reverse: half a turn
+// about the axis through the middle of the pattern.
+Vector3d HalfTurn(const Vector3d& across_m) { return -across_m; }
+
+// Bores of the second set-up in the order and coordinates of the first, before they are joined.
+Pattern TurnedBack(const Pattern& second) {
+  Pattern turned;
+  for (int k = 0; k < 4; ++k) {
+    turned[static_cast<size_t>(k)] = HalfTurn(second[static_cast<size_t>(OppositeBore(k))]);
+  }
+  return turned;
+}
+
+// Shift and small turn about `axis` through the origin that bring `from` nearest to `to` by least
+// squares, applied to bore 2. All vectors are across the axis; `places` are the nominal ones, whose
+// mean is the origin.
+Vector3d Joined(const Pattern& places, const Vector3d& axis, const Pattern& from,
+                const Pattern& to) {
+  Vector3d shift = Vector3d::Zero();
+  double turn = 0, squares = 0;
+  for (size_t k = 0; k < 4; ++k) {
+    shift += (to[k] - from[k]) / 4;
+    turn += axis.cross(places[k]).dot(to[k] - from[k]);
+    squares += places[k].squaredNorm();
+  }
+  return from[2] + shift + turn / squares * axis.cross(places[2]);
+}
+
+Pattern PlacesOf(const Artefact& pattern) {
+  Pattern places;
+  for (size_t k = 0; k < 4; ++k) places[k] = pattern.surfaces[k].nominal.point_m;
+  return places;
+}
+
+// Displacement of the fitted axis, across the nominal one, in the middle of the bore.
+Vector3d DisplacementOf(const NominalSurface& fitted, const NominalSurface& nominal) {
+  const Vector3d& axis = nominal.axis;
+  const double along = axis.dot(nominal.point_m - fitted.point_m) / axis.dot(fitted.axis);
+  return fitted.point_m + along * fitted.axis - nominal.point_m;
+}
+
+double HoleDistanceError(const Artefact& pattern, const std::vector<NominalSurface>& fitted) {
+  const Pattern places = PlacesOf(pattern);
+  Pattern first, second;
+  for (size_t k = 0; k < 4; ++k) {
+    first[k] = DisplacementOf(fitted[k], pattern.surfaces[k].nominal);
+    second[k] = DisplacementOf(fitted[4 + k], pattern.surfaces[k].nominal);
+  }
+  const Vector3d other =
+      Joined(places, pattern.surfaces.front().nominal.axis, TurnedBack(second), first);
+  return (places[2] + other - places[0] - first[0]).norm() - (places[2] - places[0]).norm();
 }
 
 }  // namespace
@@ -67,9 +124,9 @@ double NarrowestRange(std::vector<double> values, double fraction) {
 std::vector<double> FittedErrors(const Artefact& artefact,
                                  const std::vector<SurfacePoints>& points) {
   std::vector<NominalSurface> fitted;
-  for (size_t s = 0; s < artefact.surfaces.size(); ++s) {
-    const auto surface =
-        FitSurface(artefact.surfaces[s].nominal.kind, points[s].positions_m, points[s].normals);
+  for (size_t s = 0; s < points.size(); ++s) {
+    const auto surface = FitSurface(artefact.surfaces[s % artefact.surfaces.size()].nominal.kind,
+                                    points[s].positions_m, points[s].normals);
     if (!surface) return {};
     fitted.push_back(*surface);
   }
@@ -89,8 +146,39 @@ std::vector<double> FittedErrors(const Artefact& artefact,
     }
     case ArtefactKind::kRing:
       return {size_m};
+    case ArtefactKind::kHolePattern:
+      return {HoleDistanceError(artefact, fitted)};
   }
   return {};
+}
+
+HolePatternWeights WeightsOfHolePattern(const Artefact& pattern) {
+  const Pattern places = PlacesOf(pattern);
+  const Vector3d& axis = pattern.surfaces.front().nominal.axis;
+  const Vector3d along = (places[2] - places[0]).normalized();
+  const Vector3d u = axis.unitOrthogonal(), v = axis.cross(u);
+  HolePatternWeights weights;
+  const Pattern none = {Vector3d::Zero(), Vector3d::Zero(), Vector3d::Zero(), Vector3d::Zero()};
+  // Joined() is linear: its derivatives are what unit displacements do.
+  for (size_t setup = 0; setup < 2; ++setup) {
+    for (size_t place = 0; place < 4; ++place) {
+      Vector3d& all = weights.all[setup][place];
+      Vector3d& joining = weights.joining[setup][place];
+      all.setZero();
+      joining.setZero();
+      for (const Vector3d& direction : {u, v}) {
+        Pattern moved = none;
+        moved[place] = direction;
+        const Pattern second = setup == 1 ? TurnedBack(moved) : none;
+        const Pattern& first = setup == 0 ? moved : none;
+        const double by_joining = along.dot(Joined(places, axis, second, first) - second[2]);
+        const double itself = along.dot(second[2] - first[0]);
+        joining += by_joining * direction;
+        all += (by_joining + itself) * direction;
+      }
+    }
+  }
+  return weights;
 }
 
 // Deviations along the normal n at the point p of a surface that is moved by c, turned by tilts
@@ -103,7 +191,7 @@ LinearFit::LinearFit(const ArtefactSurface& surface, const std::vector<Vector3d>
     : kind_(surface.nominal.kind) {
   const auto n = static_cast<Eigen::Index>(positions_m.size());
   const NominalSurface& nominal = surface.nominal;
-  const Vector3d u = nominal.axis.unitOrthogonal(), v = nominal.axis.cross(u);
+  const Vector3d u = u_ = nominal.axis.unitOrthogonal(), v = v_ = nominal.axis.cross(u);
   const int parameters = kind_ == SurfaceKind::kSphere     ? 4
                          : kind_ == SurfaceKind::kCylinder ? 5
                                                            : 3;
@@ -144,7 +232,11 @@ VectorXd LinearFit::Diameter() const {
 
 VectorXd LinearFit::Displacement(const Vector3d& direction) const {
   VectorXd combination = VectorXd::Zero(design_.cols());
-  combination.head<3>() = direction;
+  if (kind_ == SurfaceKind::kCylinder) {
+    combination.head<2>() << direction.dot(u_), direction.dot(v_);
+  } else {
+    combination.head<3>() = direction;
+  }
   return combination;
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <span>
 #include <string>
 #include <vector>
@@ -21,6 +22,7 @@ enum class AcceptanceQuantityKind {
   kFlatness95,
   kFlatness997,
   kRingDiameter,
+  kHoleDistance,
 };
 
 struct AcceptanceQuantityInfo {
@@ -44,9 +46,22 @@ struct SurfacePoints {
 
 // Least-squares surfaces (core/association) through the points of every surface of the artefact,
 // and the errors by them in the order of AcceptanceQuantities() of its kind [m]. Empty: points that
-// do not determine a surface.
+// do not determine a surface. A hole pattern has the points of its bores in the first set-up, then
+// those at the same places in the second one.
 std::vector<double> FittedErrors(const Artefact& artefact,
                                  const std::vector<SurfacePoints>& points);
+
+// The distance of the bores 0 and 2 of a hole pattern, 0 from the first set-up and 2 from the
+// second. The set-ups are joined by the best fit of all four axes, a shift and a turn across them.
+// Its error is the sum over set-ups s and places b of weights w_sb with the displacements of the
+// axes' middles [m].
+struct HolePatternWeights {
+  // [set-up][place]; across the bores' axis.
+  std::array<std::array<Eigen::Vector3d, 4>, 2> all;
+  // The part of them that comes by joining the set-ups.
+  std::array<std::array<Eigen::Vector3d, 4>, 2> joining;
+};
+HolePatternWeights WeightsOfHolePattern(const Artefact& pattern);
 
 // The same to first order, for deviations of the points along their normals.
 class LinearFit {
@@ -62,13 +77,14 @@ class LinearFit {
   // Sums over the points of squared sensitivities times variances: variance of a parameter
   // combination by independent deviations.
   double Variance(const Eigen::VectorXd& combination, const Eigen::VectorXd& variances_m2) const;
-  // Combination of the parameters that is the diameter, or the displacement of a sphere's centre
-  // along a direction.
+  // Combination of the parameters that is the diameter, or the displacement along a direction of a
+  // sphere's centre or of the middle of a bore's axis.
   Eigen::VectorXd Diameter() const;
   Eigen::VectorXd Displacement(const Eigen::Vector3d& direction) const;
 
  private:
   SurfaceKind kind_;
+  Eigen::Vector3d u_, v_;    // across the axis
   Eigen::MatrixXd design_;   // deviations = design * parameters
   Eigen::MatrixXd inverse_;  // pseudo-inverse of the design
 };

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <utility>
 
 #include "core/laser_line/line_quality.h"
 #include "core/parallel/for_each_index.h"
@@ -29,6 +30,7 @@ constexpr ErrorGroup kCalibrationGroups[] = {
     {"laser sheet tilt", kSheetTiltX, 2},   {"laser sheet offset", kSheetOffset, 1},
     {"focal length", kFocalLengthError, 1}, {"principal point", kPrincipalX, 2}};
 constexpr char kDetection[] = "line detection";
+constexpr char kJoining[] = "joining of set-ups";
 
 TriangulationErrors DrawErrors(const MatrixXd& root, CounterRandom& random) {
   VectorXd standard(root.cols());
@@ -67,8 +69,8 @@ struct DetectionError {
 class DetectionDraws {
  public:
   DetectionDraws(const ArtefactScan& scan, const Artefact& artefact, const UncertaintyModel& model,
-                 const LineDeviations* deviations, uint64_t seed, uint64_t run)
-      : scan_(scan), model_(model), deviations_(deviations), random_(seed, run, 1) {
+                 const LineDeviations* deviations, uint64_t seed, uint64_t run, uint32_t stream)
+      : scan_(scan), model_(model), deviations_(deviations), random_(seed, run, stream) {
     if (deviations == nullptr) return;
     for (const ArtefactSurface& surface : artefact.surfaces) {
       references_.push_back(PlaceOfReference(scan, surface));
@@ -182,20 +184,48 @@ struct SizeSensitivity {
   }
 };
 
-// Combinations of the parameters of each surface that are a size or a distance.
-std::vector<VectorXd> SizeCombinations(const Artefact& artefact,
-                                       const std::vector<LinearSurface>& surfaces) {
-  if (artefact.kind != ArtefactKind::kBallBar) return {surfaces[0].fit.Diameter()};
+// Combination of the parameters of a surface, fitted to points with errors of their own.
+struct Combination {
+  size_t surface = 0;
+  VectorXd parameters;
+};
+
+// Combinations that add up to a size or a distance.
+std::vector<Combination> SizeCombinations(const Artefact& artefact,
+                                          const std::vector<LinearSurface>& surfaces) {
+  if (artefact.kind == ArtefactKind::kHolePattern) {
+    std::vector<Combination> combinations;
+    for (const auto& setup : WeightsOfHolePattern(artefact).all) {
+      for (size_t b = 0; b < setup.size(); ++b) {
+        combinations.push_back({b, surfaces[b].fit.Displacement(setup[b])});
+      }
+    }
+    return combinations;
+  }
+  if (artefact.kind != ArtefactKind::kBallBar) return {{0, surfaces[0].fit.Diameter()}};
   const Vector3d along =
       (artefact.surfaces[1].nominal.point_m - artefact.surfaces[0].nominal.point_m).normalized();
-  return {surfaces[0].fit.Displacement(-along), surfaces[1].fit.Displacement(along)};
+  return {{0, surfaces[0].fit.Displacement(-along)}, {1, surfaces[1].fit.Displacement(along)}};
+}
+
+// Standard uncertainty by detection of what joining the set-ups adds to the distance of holes.
+double JoiningDeviation(const Artefact& artefact, const std::vector<LinearSurface>& surfaces) {
+  double variance_m2 = 0;
+  for (const auto& setup : WeightsOfHolePattern(artefact).joining) {
+    for (size_t b = 0; b < setup.size(); ++b) {
+      variance_m2 += surfaces[b].fit.Variance(surfaces[b].fit.Displacement(setup[b]),
+                                              surfaces[b].detection_variances);
+    }
+  }
+  return std::sqrt(variance_m2);
 }
 
 QuantityPrediction PredictSize(const Artefact& artefact, const UncertaintyModel& model,
                                const std::vector<LinearSurface>& surfaces) {
   SizeSensitivity sensitivity;
-  const std::vector<VectorXd> combinations = SizeCombinations(artefact, surfaces);
-  for (size_t s = 0; s < surfaces.size(); ++s) sensitivity.Add(surfaces[s], combinations[s]);
+  for (const Combination& combination : SizeCombinations(artefact, surfaces)) {
+    sensitivity.Add(surfaces[combination.surface], combination.parameters);
+  }
   QuantityPrediction prediction;
   prediction.terms.push_back({kDetection, std::sqrt(sensitivity.detection_variance_m2)});
   for (const ErrorGroup& group : kCalibrationGroups) {
@@ -203,6 +233,9 @@ QuantityPrediction PredictSize(const Artefact& artefact, const UncertaintyModel&
         {group.name,
          std::sqrt(std::max(0.0, CombinedVariance(sensitivity.calibration, model.calibration,
                                                   group.first, group.count)))});
+  }
+  if (artefact.kind == ArtefactKind::kHolePattern) {
+    prediction.terms.push_back({kJoining, JoiningDeviation(artefact, surfaces)});
   }
   const double variance_m2 =
       sensitivity.detection_variance_m2 +
@@ -292,8 +325,15 @@ SimulatedErrors SimulateTests(const ArtefactScan& scan, const Artefact& artefact
   (void)ForEachIndex(by_run.size(), [&](size_t run) {
     CounterRandom random(seed, run);
     const TriangulationErrors errors = DrawErrors(root, random);
-    DetectionDraws draws(scan, artefact, model, deviations, seed, run);
-    by_run[run] = FittedErrors(artefact, MeasuredPoints(scan, artefact, errors, &draws));
+    DetectionDraws draws(scan, artefact, model, deviations, seed, run, 1);
+    std::vector<SurfacePoints> points = MeasuredPoints(scan, artefact, errors, &draws);
+    if (artefact.kind == ArtefactKind::kHolePattern) {
+      DetectionDraws again(scan, artefact, model, deviations, seed, run, 3);
+      for (SurfacePoints& surface : MeasuredPoints(scan, artefact, errors, &again)) {
+        points.push_back(std::move(surface));
+      }
+    }
+    by_run[run] = FittedErrors(artefact, points);
     return absl::OkStatus();
   });
   SimulatedErrors errors(QuantitiesOf(artefact).size());
@@ -348,10 +388,10 @@ std::vector<double> SystematicContributions(const ArtefactScan& scan, const Arte
   }
   std::vector<double> contributions;
   if (artefact.kind != ArtefactKind::kPlate) {
-    const std::vector<VectorXd> combinations = SizeCombinations(artefact, surfaces);
     double size_m = 0;
-    for (size_t s = 0; s < surfaces.size(); ++s) {
-      size_m += combinations[s].dot(surfaces[s].fit.Parameters(shifts[s]).col(0));
+    for (const Combination& combination : SizeCombinations(artefact, surfaces)) {
+      const size_t s = combination.surface;
+      size_m += combination.parameters.dot(surfaces[s].fit.Parameters(shifts[s]).col(0));
     }
     contributions.push_back(std::abs(size_m));
   }

@@ -7,9 +7,9 @@
 //   const ArtefactPrediction predicted = PredictTests(scan, artefact, model, 400, seed);
 //
 // A run draws the errors of calibration once (the sensors keep their place) and those of detection
-// for every point. The true image position is where the true sheet and line of sight meet the
-// artefact; the measured point is triangulated from the detected position with the nominal setup.
-// Nothing is linearised there.
+// for every point; of a hole pattern in either set-up anew. The true image position is where the
+// true sheet and line of sight meet the artefact; the measured point is triangulated from the
+// detected position with the nominal setup. Nothing is linearised there.
 #pragma once
 
 #include <cstdint>

@@ -67,18 +67,28 @@ ReportBlocks QuantityBlocks(const v1::AcceptanceResult& result) {
 ReportBlocks TermBlocks(const v1::AcceptanceResult& result) {
   if (result.quantities().empty()) return {};
   std::vector<v1::ReportColumn> columns = {WordsColumn("quantity"), WordsColumn("artefact")};
-  for (const v1::AcceptanceTerm& term : result.quantities(0).terms()) {
-    columns.push_back(NumberColumn(term.name(), "\u00b5m"));
+  std::vector<std::string> causes;  // of any quantity, in the order in which they come
+  for (const v1::AcceptanceQuantity& q : result.quantities()) {
+    for (const v1::AcceptanceTerm& term : q.terms()) {
+      if (std::find(causes.begin(), causes.end(), term.name()) != causes.end()) continue;
+      causes.push_back(term.name());
+      columns.push_back(NumberColumn(term.name(), "\u00b5m"));
+    }
   }
   columns.push_back(NumberColumn("mean error", "\u00b5m"));
   std::vector<ReportCells> rows;
   for (const v1::AcceptanceQuantity& q : result.quantities()) {
     ReportCells row = {TextCell(TitleOf(q)), TextCell(q.artefact())};
-    for (const v1::AcceptanceTerm& term : q.terms()) {
-      row.push_back(term.name() == q.dominating_term()
-                        ? StrongCell(FixedNumber(1e6 * term.contribution_m(), 2))
-                        : NumberCell(1e6 * term.contribution_m(),
-                                     FixedNumber(1e6 * term.contribution_m(), 2)));
+    for (const std::string& cause : causes) {
+      const auto term = std::find_if(q.terms().begin(), q.terms().end(),
+                                     [&](const auto& t) { return t.name() == cause; });
+      if (term == q.terms().end()) {
+        row.push_back(TextCell(kNoValue));
+        continue;
+      }
+      const std::string text = FixedNumber(1e6 * term->contribution_m(), 2);
+      row.push_back(cause == q.dominating_term() ? StrongCell(text)
+                                                 : NumberCell(1e6 * term->contribution_m(), text));
     }
     row.push_back(MicrometreCell(q.mean_m()));
     rows.push_back(std::move(row));

@@ -86,9 +86,14 @@ double PredictedDetection(const ArtefactScan& sphere, const UncertaintyModel& mo
   return sphere.points.empty() ? 0 : std::sqrt(squares / static_cast<double>(sphere.points.size()));
 }
 
-// Ball bars have the spheres' deviations.
+// Ball bars have the spheres' deviations, bores of a pattern those of the ring.
+ArtefactKind RenderedFor(ArtefactKind kind) {
+  if (kind == ArtefactKind::kBallBar) return ArtefactKind::kSphere;
+  return kind == ArtefactKind::kHolePattern ? ArtefactKind::kRing : kind;
+}
+
 const RenderedLine* LineFor(const std::map<ArtefactKind, RenderedLine>& lines, ArtefactKind kind) {
-  const auto found = lines.find(kind == ArtefactKind::kBallBar ? ArtefactKind::kSphere : kind);
+  const auto found = lines.find(RenderedFor(kind));
   return found == lines.end() ? nullptr : &found->second;
 }
 
@@ -218,7 +223,7 @@ absl::StatusOr<v1::AcceptanceResult> RunAcceptance(const AcceptanceTask& task,
   std::map<ArtefactKind, RenderedLine> lines;
   double exposure_time_s = task.settings.exposure_time_s.value_or(0);
   for (const Artefact& artefact : choice->artefacts) {
-    if (!task.imaging || artefact.kind == ArtefactKind::kBallBar) continue;
+    if (!task.imaging || RenderedFor(artefact.kind) != artefact.kind) continue;
     SightLimits all_columns = limits;
     all_columns.most_points = std::numeric_limits<int>::max();
     const ArtefactScan scan = ScanArtefact(rig, geometry, artefact, all_columns);

@@ -90,7 +90,7 @@ TEST(ChooseArtefacts, FitsDefaultSizesIntoTheField) {
   const ScanGeometry geometry = MakeScanGeometry(rig, SymmetricPlace());
   const auto choice = ChooseArtefacts({}, rig, geometry, {}, "rig.json");
   ASSERT_TRUE(choice.ok()) << choice.status();
-  EXPECT_EQ(choice->artefacts.size(), 7U);  // sphere, four ball bars, plate, ring
+  EXPECT_EQ(choice->artefacts.size(), 8U);  // sphere, four ball bars, plate, ring, pattern
   for (const Artefact& artefact : choice->artefacts) {
     EXPECT_TRUE(FitsIntoField(rig, geometry, artefact, {}).ok()) << artefact.name;
   }

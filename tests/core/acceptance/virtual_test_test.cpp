@@ -48,7 +48,7 @@ UncertaintyModel ModelOf(const TriangulationStandardDeviations& deviations, doub
 
 std::vector<Artefact> AllArtefacts(const Setting& s) {
   std::vector<Artefact> all = {MakeSphere(s.geometry, 0.03), MakePlate(0.08),
-                               MakeRing(s.geometry, 0.04)};
+                               MakeRing(s.geometry, 0.04), MakeHolePattern(s.geometry, 0.05, 0.03)};
   for (Artefact& bar : MakeBallBars(s.geometry, 0.08, 0.025)) all.push_back(std::move(bar));
   return all;
 }
@@ -113,6 +113,32 @@ TEST(SimulateTests, AgreesWithThePrediction) {
           << artefact.name << ", quantity " << q;
     }
   }
+}
+
+// What displaces all bores alike, such as a shift of the sensors, is taken off by joining the
+// set-ups; what opens their distance is not.
+TEST(HolePattern, JoiningTakesOffWhatAllBoresShare) {
+  const Setting s = MakeSetting();
+  const Artefact pattern = MakeHolePattern(s.geometry, 0.05, 0.03);
+  const Vector3d across =
+      (pattern.surfaces[2].nominal.point_m - pattern.surfaces[0].nominal.point_m);
+  EXPECT_NEAR(across.norm(), 0.05 * std::numbers::sqrt2, 1e-12);
+  EXPECT_NEAR(across.dot(pattern.surfaces[0].nominal.axis), 0, 1e-12);
+  const HolePatternWeights weights = WeightsOfHolePattern(pattern);
+  for (const auto& setup : weights.all) {
+    Vector3d sum = Vector3d::Zero();
+    for (const Vector3d& weight : setup) sum += weight;
+    EXPECT_LT(sum.norm(), 1e-12);
+  }
+  // Bore 0 lies at place 0 of the first set-up, bore 2 at place 0 of the second. A scale error
+  // moves both outwards, and the distance grows by all of it.
+  double growth = 0;
+  for (size_t setup = 0; setup < 2; ++setup) {
+    for (size_t place = 0; place < 4; ++place) {
+      growth += weights.all[setup][place].dot(pattern.surfaces[place].nominal.point_m);
+    }
+  }
+  EXPECT_NEAR(growth, across.norm(), 1e-12);
 }
 
 // A wrong focal length scales lengths along the line: dL = L df / f.
