@@ -240,7 +240,8 @@ void SharedErrors::Register() {
     const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(
         inverse.asDiagonal() * covariance.block<6, 6>(first, first) * inverse.asDiagonal(),
         Eigen::EigenvaluesOnly);
-    frame.determined = eigen.eigenvalues().maxCoeff() <= 0.25;
+    frame.joined = frame_count_ == 1 || frame.overlap_targets > 0;
+    frame.determined = frame.joined && eigen.eigenvalues().maxCoeff() <= 0.25;
   }
 }
 

@@ -68,12 +68,17 @@ struct SharedErrorsInput {
 
 // How one frame is joined to the others.
 struct FrameRegistration {
-  // Standard uncertainty along the normals, root mean square over the targets that it measures.
+  // Standard uncertainty along the normals, root mean square over the targets that it measures. The
+  // coordinate system is the best fit of the joined scans. If a single frame measures targets that
+  // the fit uses, the system is that of this frame, whose own value is then 0.
   double standard_uncertainty_m = 0;
   int64_t targets = 0;
   int64_t overlap_targets = 0;  // another frame measures them, and the fit uses them
   // All six degrees of freedom are known to half of their prior standard deviations at most.
   bool determined = true;
+  // False: there are several frames, and the best fit uses no target that this one and another one
+  // measure. standard_uncertainty_m then says nothing about how the frame lies to the others.
+  bool joined = true;
 };
 
 class SharedErrors {

@@ -79,6 +79,10 @@ absl::Status JudgeBound(const Inspection& inspection, const Requirements& requir
   auto judged = JudgeCharacteristic(feature, fit, bound.characteristic, width_m + bonus_m, options);
   if (!judged.ok()) return judged.status();
   SetJudged(*judged, verdict);
+  if (fit.ok() && judged->predicted) {
+    verdict->mutable_because()->append(
+        MiddleOfLimitsText(ToleranceOf(requirements, toleranced), *fit));
+  }
   verdict->mutable_because()->append(AssociationText(requirements, toleranced));
   if (!judged->predicted) return absl::OkStatus();
   verdict->set_admissible_targets(0);

@@ -122,9 +122,13 @@ std::string RegistrationStatement(const Inspection& inspection, const SharedErro
            "model together.";
   }
   double least_m = std::numeric_limits<double>::infinity(), largest_m = 0;
-  int undetermined = 0;
+  int undetermined = 0, unjoined = 0;
   for (const FrameRegistration& frame : frames) {
     if (frame.targets == 0) continue;
+    if (!frame.joined) {
+      ++unjoined;
+      continue;
+    }
     least_m = std::min(least_m, frame.standard_uncertainty_m);
     largest_m = std::max(largest_m, frame.standard_uncertainty_m);
     undetermined += !frame.determined;
@@ -135,11 +139,20 @@ std::string RegistrationStatement(const Inspection& inspection, const SharedErro
   } else if (method == RegistrationMethod::kDatumFeatures) {
     by = "which are joined by best fit over the datum features they share";
   }
-  std::string text = absl::StrFormat(
-      "The scans have %d coordinate system%s, %s, with standard uncertainties of %.3g to %.3g um "
-      "along the surface's normals.",
-      frames.size(), frames.size() == 1 ? "" : "s", by, 1e6 * std::min(least_m, largest_m),
-      1e6 * largest_m);
+  std::string text = absl::StrFormat("The scans have %d coordinate system%s, %s", frames.size(),
+                                     frames.size() == 1 ? "" : "s", by);
+  if (std::isfinite(least_m)) {
+    absl::StrAppendFormat(
+        &text, ", with standard uncertainties of %.3g to %.3g um along the surface's normals",
+        1e6 * least_m, 1e6 * largest_m);
+  }
+  text += '.';
+  if (unjoined > 0) {
+    absl::StrAppendFormat(&text,
+                          " %d of them share no such surface with another one and are not joined: "
+                          "between these and the others the errors of placing the part remain.",
+                          unjoined);
+  }
   if (undetermined > 0) {
     absl::StrAppendFormat(
         &text,

@@ -2,6 +2,7 @@
 #include "planner_client/requirements/known_targets.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "absl/strings/str_format.h"
 #include "core/surface_inference/surface_inference.h"
@@ -104,6 +105,19 @@ absl::Status CheckModelSizes(const Tolerance* tolerance, const CharacteristicFit
                         1e3 * size_m, 1e3 * *tolerance->lower_m, 1e3 * *tolerance->upper_m));
   }
   return absl::OkStatus();
+}
+
+std::string MiddleOfLimitsText(const Tolerance* tolerance, const CharacteristicFit& fit) {
+  if (tolerance == nullptr || !tolerance->lower_m || !tolerance->upper_m) return "";
+  const double middle_m = 0.5 * (*tolerance->lower_m + *tolerance->upper_m);
+  double farthest_m = 0;
+  for (const double size_m : fit.model_sizes_m) {
+    if (std::abs(middle_m - size_m) > std::abs(farthest_m)) farthest_m = middle_m - size_m;
+  }
+  if (std::abs(farthest_m) <= 0.05 * (*tolerance->upper_m - *tolerance->lower_m)) return "";
+  return absl::StrFormat(
+      "; a good part is taken in the middle of its limits, %.3g um from the modelled size",
+      1e6 * std::abs(farthest_m));
 }
 
 double MaterialBonus(const TolerancedFeature& feature, const BoundCharacteristic& bound,

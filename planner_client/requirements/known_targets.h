@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "core/conformance/feature.h"
@@ -60,6 +61,10 @@ const Tolerance* ToleranceOf(const Requirements& requirements, const TolerancedF
 // size.
 absl::Status CheckModelSizes(const Tolerance* tolerance, const CharacteristicFit& fit,
                              double zone_width_m);
+
+// "; a good part is taken in the middle of its limits, 25 um from the modelled size", for the end
+// of a reason. Empty: the model lies there within a twentieth of the zone, or there are no limits.
+std::string MiddleOfLimitsText(const Tolerance* tolerance, const CharacteristicFit& fit);
 
 // Gain [m] of the zone at the nominal size: its distance from the limit of maximum or least
 // material, between 0 and the whole tolerance of the size. 0 without a material requirement.

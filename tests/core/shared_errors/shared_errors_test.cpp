@@ -264,6 +264,7 @@ TEST(SharedErrors, WithoutOverlapAFrameIsAsUncertainAsItIsPlaced) {
   for (const FrameRegistration& frame : errors.frames()) {
     EXPECT_EQ(frame.overlap_targets, 0);
     EXPECT_FALSE(frame.determined);
+    EXPECT_FALSE(frame.joined);
     // The order is that of the placing errors: what both frames do alike is no error of joining
     // them.
     EXPECT_GT(frame.standard_uncertainty_m, 0.25 * input.pose.position_m);
@@ -274,6 +275,31 @@ TEST(SharedErrors, WithoutOverlapAFrameIsAsUncertainAsItIsPlaced) {
   unused.used.assign(part.positions_m.size(), false);
   const SharedErrors without(unused);
   for (const FrameRegistration& frame : without.frames()) EXPECT_FALSE(frame.determined);
+}
+
+// Datum features that one frame sees alone: they define the coordinate system, so that its own pose
+// has no error, and nothing joins the other frames to it.
+TEST(SharedErrors, DatumsOfASingleFrameJoinNothing) {
+  const Part part;
+  SharedErrorsInput input = Input(part);
+  input.method = RegistrationMethod::kDatumFeatures;
+  input.used.assign(part.positions_m.size(), false);
+  std::vector<int> seen(part.positions_m.size(), 0);  // by frames, as bits
+  for (const ScanShare& scan : input.scans) {
+    for (const uint32_t t : scan.targets) seen[t] |= 1 << scan.frame;
+  }
+  for (size_t t = 0; t < seen.size(); ++t) input.used[t] = seen[t] == 1;
+  const SharedErrors errors(input);
+  for (const FrameRegistration& frame : errors.frames()) {
+    EXPECT_EQ(frame.overlap_targets, 0);
+    EXPECT_FALSE(frame.joined);
+    EXPECT_FALSE(frame.determined);
+  }
+  EXPECT_LT(errors.frames()[0].standard_uncertainty_m, 1e-9);
+  EXPECT_GT(errors.frames()[1].standard_uncertainty_m, input.pose.position_m);
+  for (const FrameRegistration& frame : SharedErrors(Input(part)).frames()) {
+    EXPECT_TRUE(frame.joined);
+  }
 }
 
 TEST(SharedErrors, OverlapAndInformationJoinFramesBetter) {

@@ -97,7 +97,7 @@ void AddRegistration(const PlanningSession& session, const SharedErrors& errors,
     }
     double squares_m2 = 0;
     int64_t targets = 0, overlap = 0;
-    bool determined = true;
+    bool determined = true, joined = true;
     for (const size_t f : frames) {
       const FrameRegistration& frame = errors.frames()[f];
       squares_m2 += static_cast<double>(frame.targets) * frame.standard_uncertainty_m *
@@ -105,10 +105,14 @@ void AddRegistration(const PlanningSession& session, const SharedErrors& errors,
       targets += frame.targets;
       overlap += frame.overlap_targets;
       determined = determined && frame.determined;
+      joined = joined && frame.joined;
     }
     if (targets == 0) continue;
     v1::SetupRegistration& registration = *setup.mutable_registration();
-    registration.set_standard_uncertainty_m(std::sqrt(squares_m2 / static_cast<double>(targets)));
+    // A frame that is not joined has no uncertainty of joining: 0 would look like a good one.
+    if (joined) {
+      registration.set_standard_uncertainty_m(std::sqrt(squares_m2 / static_cast<double>(targets)));
+    }
     registration.set_overlap_targets(overlap);
     registration.set_determined(determined);
   }
