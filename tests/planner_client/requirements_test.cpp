@@ -8,6 +8,7 @@
 
 #include "core/surface_inference/surface_inference.h"
 #include "planner_client/requirements/feature_verdicts.h"
+#include "planner_client/requirements/known_targets.h"
 #include "planner_client/requirements/reach.h"
 
 namespace sightline {
@@ -232,6 +233,99 @@ TEST(FeatureVerdicts, TooFewTargetsAreSaid) {
       JudgeFeatures(inspection, *requirements, KnowAll(targets, measurable, 1e-5));
   EXPECT_FALSE(verdicts[0].can_be_proven());
   EXPECT_THAT(verdicts[0].because(), HasSubstr("only 2 targets lie on it"));
+}
+
+// Tolerances of a file that bind the whole of the two squares, face 3.
+Tolerance FileTolerance(const std::string& name, ToleranceKind kind,
+                        const std::vector<std::string>& datums = {}) {
+  Tolerance tolerance;
+  tolerance.id = "#" + name;
+  tolerance.name = name;
+  tolerance.kind = kind;
+  tolerance.zone_width_m = 0.0002;
+  tolerance.faces = {3};
+  tolerance.datums = datums;
+  return tolerance;
+}
+
+absl::StatusOr<Requirements> RequirementsOf(const Inspection& inspection,
+                                            const std::vector<Tolerance>& tolerances) {
+  ToleranceReport report;
+  report.read = tolerances;
+  return MakeRequirements(inspection, TwoSquares(), report, {Rectangle(3, 0.2, 0)});
+}
+
+TEST(Association, IsThatOfCharacteristicsThatHaveAMinimumZone) {
+  Inspection inspection = Task();
+  inspection.tolerances->file = "part.stp";
+  const std::vector<Tolerance> tolerances = {
+      FileTolerance("flat", ToleranceKind::kFlatness),
+      FileTolerance("free profile", ToleranceKind::kSurfaceProfile),
+      FileTolerance("profile to A", ToleranceKind::kSurfaceProfile, {"A"}),
+      FileTolerance("level", ToleranceKind::kParallelism, {"A"})};
+  auto requirements = RequirementsOf(inspection, tolerances);
+  ASSERT_TRUE(requirements.ok()) << requirements.status();
+  for (const TolerancedFeature& feature : requirements->features) {
+    EXPECT_EQ(feature.association, Association::kGauss);
+  }
+  inspection.tolerances->association = Association::kChebyshev;
+  requirements = RequirementsOf(inspection, tolerances);
+  ASSERT_TRUE(requirements.ok()) << requirements.status();
+  EXPECT_EQ(requirements->features[0].association, Association::kChebyshev);
+  EXPECT_EQ(requirements->features[1].association, Association::kChebyshev);
+  EXPECT_EQ(requirements->features[2].association, Association::kGauss);
+  EXPECT_EQ(requirements->features[3].association, Association::kGauss);
+  // It is never ignored silently.
+  const auto none = RequirementsOf(inspection, {tolerances[3]});
+  EXPECT_EQ(none.status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(std::string(none.status().message()),
+              HasSubstr("tolerances.association is CHEBYSHEV"));
+}
+
+TEST(Association, IsStatedByVerdicts) {
+  Inspection inspection = Task();
+  inspection.tolerances->file = "part.stp";
+  const std::vector<Tolerance> tolerances = {
+      FileTolerance("flat", ToleranceKind::kFlatness),
+      FileTolerance("free profile", ToleranceKind::kSurfaceProfile)};
+  const TargetSet targets = GridTargets();
+  TargetBits measurable(targets.size());
+  const PlanKnowledge knowledge = KnowAll(targets, measurable, 5e-6);
+  const auto by_gauss = RequirementsOf(inspection, tolerances);
+  inspection.tolerances->association = Association::kChebyshev;
+  const auto by_zone = RequirementsOf(inspection, tolerances);
+  ASSERT_TRUE(by_gauss.ok() && by_zone.ok());
+  const auto gauss = JudgeFeatures(inspection, *by_gauss, knowledge);
+  const auto zone = JudgeFeatures(inspection, *by_zone, knowledge);
+  ASSERT_EQ(zone.size(), 2u);
+  for (size_t f = 0; f < 2; ++f) {
+    EXPECT_THAT(zone[f].because(), HasSubstr("association: minimum zone (CHEBYSHEV)"));
+    EXPECT_EQ(gauss[f].because().find("association"), std::string::npos);
+    EXPECT_TRUE(zone[f].can_be_proven()) << zone[f].because();
+  }
+  // Errors make less of a minimum zone than of the range that least squares leaves.
+  EXPECT_LT(zone[0].bias_m(), gauss[0].bias_m());
+  EXPECT_GT(zone[0].bias_m(), 0.8 * gauss[0].bias_m());
+  EXPECT_NEAR(zone[0].uncertainty_m(), gauss[0].uncertainty_m(), 1e-9);
+  // Twice a largest deviation has a bias as form has.
+  EXPECT_GT(zone[1].bias_m(), 2 * 2 * 5e-6);
+}
+
+// The model of `10 +0.05/0` is made to the lower limit: a part like it cannot be proven, and
+// production aims at the middle.
+TEST(MiddleOfLimits, IsStatedWhereTheModelLiesElsewhere) {
+  Tolerance size = FileTolerance("bore", ToleranceKind::kLinearSize);
+  size.lower_m = 0.01;
+  size.upper_m = 0.01005;
+  CharacteristicFit fit;
+  fit.model_sizes_m = {0.01};
+  EXPECT_EQ(MiddleOfLimitsText(&size, fit),
+            "; a good part is taken in the middle of its limits, 25 um from the modelled size");
+  fit.model_sizes_m = {0.010025};
+  EXPECT_EQ(MiddleOfLimitsText(&size, fit), "");
+  size.upper_m = std::nullopt;
+  EXPECT_EQ(MiddleOfLimitsText(&size, fit), "");
+  EXPECT_EQ(MiddleOfLimitsText(nullptr, fit), "");
 }
 
 }  // namespace

@@ -8,6 +8,9 @@
 #include <cmath>
 #include <filesystem>
 #include <functional>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "core/part/load_part.h"
@@ -69,11 +72,13 @@ class JudgeMeasuredTest : public testing::Test {
     EXPECT_TRUE(WritePlyPoints(path, positions, normals).ok());
     return path;
   }
-  JudgedInspection Judge(const std::string& path) {
+  JudgedInspection Judge(const std::string& path,
+                         const std::optional<ToleranceReport>& report = std::nullopt,
+                         const std::vector<FaceTriangles>& faces = {}) {
     const auto part = FindMeasuredPart(model_, inspection_, {{path, 0}}, {scan_}, {});
     EXPECT_TRUE(part.ok()) << part.status();
     if (!part.ok()) return {};
-    const auto requirements = MakeRequirements(inspection_, model_, std::nullopt, {});
+    const auto requirements = MakeRequirements(inspection_, model_, report, faces);
     EXPECT_TRUE(requirements.ok()) << requirements.status();
     const auto surface = EstimateSurface(model_, inspection_, *part);
     EXPECT_TRUE(surface.ok()) << surface.status();
@@ -136,6 +141,43 @@ TEST_F(JudgeMeasuredTest, WhatIsNotMeasuredStaysUndecided) {
   EXPECT_LT(half.measured_targets(), half.targets());
   EXPECT_GT(judged.needed_uncertainty_m[0], 0);
   EXPECT_EQ(judged.needed_uncertainty_m[1], 0);
+}
+
+// Flatness of the large top, bent like x^3: least squares leaves more than the minimum zone.
+TEST_F(JudgeMeasuredTest, FormByTheMinimumZone) {
+  inspection_.tolerances->regions.clear();
+  inspection_.tolerances->file = "step.stp";
+  FaceTriangles face{1, {}, {}};
+  face.positions_m = {
+      {0.034, 0.004, 0.03}, {0.076, 0.004, 0.03}, {0.076, 0.056, 0.03}, {0.034, 0.056, 0.03}};
+  face.triangles = {{0, 1, 2}, {0, 2, 3}};
+  ToleranceReport report;
+  Tolerance& flat = report.read.emplace_back();
+  flat.id = "#1";
+  flat.name = "flat";
+  flat.kind = ToleranceKind::kFlatness;
+  flat.zone_width_m = 4e-4;
+  flat.faces = {1};
+  const std::string scan = Scan(
+      [](const Eigen::Vector3d& p) {
+        if (std::abs(p.z() - 0.03) > 1e-6) return 0.0;
+        return 4e-4 * std::pow((p.x() - 0.055) / 0.021, 3);
+      },
+      All);
+  const JudgedInspection by_gauss = Judge(scan, report, {face});
+  inspection_.tolerances->association = Association::kChebyshev;
+  const JudgedInspection by_zone = Judge(scan, report, {face});
+  ASSERT_EQ(by_gauss.result.features_size(), 1);
+  ASSERT_EQ(by_zone.result.features_size(), 1);
+  const v1::InspectedFeature& gauss = by_gauss.result.features(0);
+  const v1::InspectedFeature& zone = by_zone.result.features(0);
+  EXPECT_EQ(gauss.because().find("association"), std::string::npos);
+  EXPECT_NE(zone.because().find("association: minimum zone (CHEBYSHEV)"), std::string::npos)
+      << zone.because();
+  // Half the height of x^3, which targets near the border do not reach in full; and noise.
+  EXPECT_NEAR(zone.value_m(), 2e-4, 3e-5);
+  EXPECT_LT(zone.value_m(), 0.9 * gauss.value_m());
+  EXPECT_GT(zone.expanded_uncertainty_m(), 0);
 }
 
 }  // namespace
