@@ -159,9 +159,10 @@ struct MeasurandUncertainty {
 // one pair of targets makes the range, and it is as uncertain as the difference of two residuals.
 // Both are computed: bias and spread on the perfect feature by Monte Carlo on the joint covariance
 // (2000 draws, `seed`; JCGM 101), and the linear u of the worst pair; u is the larger, a bound
-// rather than the standard deviation. The bias falls from its value here towards zero as the true
-// form grows, and below zero where the prior smooths the extremes; a subtraction of it is right for
-// perfect features only. Form between the targets is not seen by any of this.
+// rather than the standard deviation. The bias falls from its value here as the true form grows:
+// towards zero where single targets make the form, and below zero where the prior smooths the
+// extremes. A subtraction of it is right for perfect features only. Form between the targets is not
+// seen by any of this.
 //
 // A minimum zone has the same bound u. Its width Z(h) is convex in the deviations h, and its
 // gradient is a convex combination of residuals at one side less one at the other side. That
