@@ -267,5 +267,44 @@ TEST(ZoneOfCharacteristics, MeasuredValueAndVerdictOfAPlan) {
   EXPECT_GT(judged->acceptance_probability, judged_by_gauss->acceptance_probability);
 }
 
+// Parts at their limit, 400 measurements each: the interval holds the true value in 95.4 % at least
+// (359 and fewer are one in a million), and chance accepts or rejects 2.3 % at most (more than 25
+// are one in 1e5).
+TEST(ZoneOfCharacteristics, DecisionsErrAsSeldomAsTheySay) {
+  constexpr int kMeasurements = 400;
+  for (const ToleranceKind kind : {ToleranceKind::kFlatness, ToleranceKind::kSurfaceProfile}) {
+    const FormFeature plate = Plate(kind);
+    const CharacteristicFit fit = plate.Fit(Association::kChebyshev);
+    const auto predicted = PredictUncertainty(plate.feature, fit.fit, fit.measurand);
+    ASSERT_TRUE(predicted.ok()) << predicted.status();
+    Random random(9);
+    VectorXd dent = VectorXd::Zero(45);
+    dent[22] = -1e-4;
+    VectorXd rough(45);
+    for (double& x : rough) x = 4e-5 * random.Normal();
+    for (const VectorXd& form : {Cubic(plate, 2e-4), Cubic(plate, 2e-3), dent, rough}) {
+      const double true_m = FormDeviation(fit.fit, form);
+      const MeasuredZone zone{.width_m = true_m};
+      const AmountsOfDeviations amounts_of(fit, *predicted, zone, DecisionRule{});
+      int held = 0, accepted = 0, rejected = 0;
+      for (int m = 0; m < kMeasurements; ++m) {
+        VectorXd h = form;
+        for (double& x : h) x += kTargetNoise * random.Normal();
+        const Amounts amounts = amounts_of.Of(h);
+        ASSERT_EQ(amounts.all.size(), 1u);
+        const BoundedAmount& amount = amounts.all.front();
+        held += true_m >= amount.estimate_m - amount.bias_m - 2 * amount.uncertainty_m &&
+                true_m <= amount.estimate_m + 2 * amount.uncertainty_m;
+        const Conformity decision = DecideConformity(amounts, {}, {45, 45, 45}, 0.95).decision;
+        accepted += decision == Conformity::kConforms;
+        rejected += decision == Conformity::kDoesNotConform;
+      }
+      EXPECT_GE(held, 359) << ToleranceKindName(kind) << " " << true_m;
+      EXPECT_LE(accepted, 25) << ToleranceKindName(kind) << " " << true_m;
+      EXPECT_LE(rejected, 25) << ToleranceKindName(kind) << " " << true_m;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace sightline
