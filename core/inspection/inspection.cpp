@@ -576,6 +576,11 @@ absl::Status ParseUncertaintyGoal(const v1::Inspection& message, const Checker& 
     }
     if (given.association() == v1::ToleranceRequirements::CHEBYSHEV) {
       requirements.association = Association::kChebyshev;
+      if (given.file().empty()) {
+        return check.Error("tolerances.association",
+                           "is CHEBYSHEV, which needs tolerances.file: zones by hand are relative "
+                           "to the model, to which nothing is fitted");
+      }
     }
     requirements.file = given.file();
     absl::StatusOr<std::string> unit = ToleranceFileUnit(message, check);

@@ -324,6 +324,28 @@ TEST(Inspection, TheFileOfTolerancesHasItsUnit) {
   }
 }
 
+TEST(Inspection, AssociationIsThatOfTolerancesOfAFile) {
+  const auto parse = [](const std::string& tolerances) {
+    v1::Inspection message;
+    const std::string json =
+        absl::StrCat(R"({"part": {"file": "a.stp"}, "tolerances": {)", tolerances, "}}");
+    EXPECT_TRUE(ParseStrictJson(json, "f", &message).ok()) << json;
+    return ParseInspection(message, "f", "");
+  };
+  const auto association_of = [&](const std::string& tolerances) {
+    const auto inspection = parse(tolerances);
+    EXPECT_TRUE(inspection.ok()) << inspection.status();
+    return inspection.ok() ? inspection->tolerances->association : Association::kGauss;
+  };
+  EXPECT_EQ(association_of(R"("file": "a.stp")"), Association::kGauss);
+  EXPECT_EQ(association_of(R"("file": "a.stp", "association": "GAUSS")"), Association::kGauss);
+  EXPECT_EQ(association_of(R"("file": "a.stp", "association": "CHEBYSHEV")"),
+            Association::kChebyshev);
+  EXPECT_THAT(
+      std::string(parse(R"("zone_width_m": 1e-4, "association": "CHEBYSHEV")").status().message()),
+      HasSubstr("f: tolerances.association is CHEBYSHEV, which needs tolerances.file"));
+}
+
 // --- domains ------------------------------------------------------------------------------------
 
 TEST(MeasurementDomain, DefaultIsTable21) {
