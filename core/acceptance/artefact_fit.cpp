@@ -45,8 +45,7 @@ std::vector<double> Distances(const NominalSurface& fitted, const SurfacePoints&
 
 using Pattern = std::array<Vector3d, 4>;
 
-// Where the bore at a place of the first set-up lies in the second, and the reverse: half a turn
-// about the axis through the middle of the pattern.
+// Half a turn about the axis through the middle of the pattern, which lies between the set-ups.
 Vector3d HalfTurn(const Vector3d& across_m) { return -across_m; }
 
 // Bores of the second set-up in the order and coordinates of the first, before they are joined.

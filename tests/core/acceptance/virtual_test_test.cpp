@@ -115,8 +115,8 @@ TEST(SimulateTests, AgreesWithThePrediction) {
   }
 }
 
-// What displaces all bores alike, such as a shift of the sensors, is taken off by joining the
-// set-ups; what opens their distance is not.
+// Joining the set-ups takes off a displacement of all bores alike, such as by a shift of the
+// sensors, but no growth of their distance.
 TEST(HolePattern, JoiningTakesOffWhatAllBoresShare) {
   const Setting s = MakeSetting();
   const Artefact pattern = MakeHolePattern(s.geometry, 0.05, 0.03);

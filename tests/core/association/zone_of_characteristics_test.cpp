@@ -160,7 +160,7 @@ TEST(ZoneOfCharacteristics, OthersAreRefused) {
             absl::StatusCode::kUnimplemented);
 }
 
-// What errors do to the width of a minimum zone, by 4000 draws for forms of several heights: u
+// Errors of the width of a minimum zone in 4000 draws for forms of several heights: u
 // bounds the spread everywhere, and the mean error falls from the stated bias. It does not vanish
 // here, since five targets touch the zone in each of four rows.
 TEST(ZoneOfCharacteristics, UncertaintyAgainstDraws) {
