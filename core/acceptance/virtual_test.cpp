@@ -404,4 +404,38 @@ std::vector<double> SystematicContributions(const ArtefactScan& scan, const Arte
   return contributions;
 }
 
+std::vector<double> ChanceOfRenderedLines(const ArtefactScan& scan, const Artefact& artefact,
+                                          const LineDeviations& deviations) {
+  std::vector<double> chance(QuantitiesOf(artefact).size(), 0);
+  const int count = deviations.realisations();
+  if (artefact.kind == ArtefactKind::kPlate || count < 2) return chance;
+  const std::vector<LinearSurface> surfaces = LineariseAll(scan, artefact, UncertaintyModel());
+  const std::vector<Combination> combinations = SizeCombinations(artefact, surfaces);
+  double sum = 0, squares = 0;
+  for (int r = 0; r < count; ++r) {
+    std::vector<VectorXd> shifts;
+    for (size_t s = 0; s < surfaces.size(); ++s) {
+      const ReferencePlace place = PlaceOfReference(scan, artefact.surfaces[s]);
+      VectorXd& shift =
+          shifts.emplace_back(VectorXd::Zero(static_cast<Eigen::Index>(surfaces[s].points.size())));
+      for (size_t i = 0; i < surfaces[s].points.size(); ++i) {
+        const ArtefactPoint& p = scan.points[surfaces[s].points[i]];
+        const double stage_m = scan.frames[static_cast<size_t>(p.frame)].stage_m - place.stage_m;
+        const auto deviation = deviations.At(stage_m, p.column_px - place.column_px, r);
+        shift[static_cast<Eigen::Index>(i)] = p.slope_m_per_px * deviation.value_or(0);
+      }
+    }
+    double size_m = 0;
+    for (const Combination& combination : combinations) {
+      const size_t s = combination.surface;
+      size_m += combination.parameters.dot(surfaces[s].fit.Parameters(shifts[s]).col(0));
+    }
+    sum += size_m;
+    squares += size_m * size_m;
+  }
+  const double variance_m2 = std::max(0.0, squares - sum * sum / count) / (count - 1);
+  chance[0] = std::sqrt(variance_m2 / count);
+  return chance;
+}
+
 }  // namespace sightline

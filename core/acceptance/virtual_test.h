@@ -55,6 +55,12 @@ std::vector<QuantityPrediction> PredictTests(const ArtefactScan& scan, const Art
 std::vector<double> SystematicContributions(const ArtefactScan& scan, const Artefact& artefact,
                                             const LineDeviations& deviations);
 
+// Standard uncertainty of sizes and distances that the finite number of rendered lines leaves: all
+// tests draw from the same lines, whose mean is that of the line only within chance. Standard error
+// of the mean over the realisations; 0 of form errors, and with a single realisation.
+std::vector<double> ChanceOfRenderedLines(const ArtefactScan& scan, const Artefact& artefact,
+                                          const LineDeviations& deviations);
+
 // The 95 % quantile of the magnitudes. At least one value.
 double Magnitude95(std::vector<double> errors_m);
 

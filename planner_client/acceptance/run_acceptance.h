@@ -21,7 +21,8 @@ struct AcceptanceTask {
   bool detection_stated = false;
   // Unset: nothing is rendered, detection errors are drawn from the inspection's line detection.
   std::optional<ArtefactImaging> imaging;
-  std::string context;  // starts every error message
+  int realisations = 4;  // of speckle and noise in every rendered frame; at least 1
+  std::string context;   // starts every error message
 };
 
 // `client` is used with `imaging` only. Errors of ChooseArtefacts, ExposureOf and RenderLine;

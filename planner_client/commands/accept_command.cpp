@@ -35,6 +35,7 @@ struct AcceptOptions {
   std::optional<int> runs;
   std::optional<int64_t> seed;
   bool no_images = false;
+  int realisations = AcceptanceTask().realisations;
   WorkerSessionOptions worker;
 };
 
@@ -127,6 +128,7 @@ absl::StatusOr<int> Accept(const AcceptOptions& options) {
   if (options.seed) message.mutable_acceptance()->set_seed(*options.seed);
   AcceptanceTask task;
   task.context = options.input;
+  task.realisations = options.realisations;
   auto settings = ParseAcceptance(message.acceptance(), options.input);
   if (!settings.ok()) return settings.status();
   task.settings = *std::move(settings);
@@ -178,6 +180,9 @@ Command AddAcceptCommand(CLI::App& app) {
   app.add_option("--seed", options->seed, "of all draws and images; default 1");
   app.add_flag("--no-images", options->no_images,
                "draw detection errors from uncertainty.line_detection, render nothing");
+  app.add_option("--realisations", options->realisations,
+                 "images of every rendered frame, each with other speckle and noise; default 4")
+      ->check(CLI::Range(1, 1000));
   AddWorkerOptions(app, &options->worker);
   TakeSizes(*app.add_option("--max-image-bytes", options->worker.max_image_bytes,
                             "memory of the embedded worker for one image, e.g. 16GB; default 8GB"));

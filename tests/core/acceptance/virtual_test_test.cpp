@@ -152,6 +152,33 @@ TEST(PredictTests, ScalesABallBarWithTheFocalLength) {
   EXPECT_NEAR(predicted.at(0).magnitude_m / by_hand_m, 1, 0.05);
 }
 
+// Lines that differ by chance leave the standard error of their mean, lines that agree nothing.
+TEST(ChanceOfRenderedLines, IsTheStandardErrorOfTheirMean) {
+  const Setting s = MakeSetting();
+  const Artefact sphere = MakeSphere(s.geometry, 0.03);
+  const ArtefactScan scan = ScanArtefact(s.rig, s.geometry, sphere, s.limits);
+  const auto lines = [](const std::vector<float>& shifts_px) {
+    LineDeviations::Frame frame{0, -1000, {}};
+    for (const float shift_px : shifts_px) {
+      frame.realisations.push_back({std::vector<float>(2000, shift_px)});
+    }
+    return LineDeviations({frame}, false);
+  };
+  const auto chance = [&](const std::vector<float>& shifts_px) {
+    const auto all = ChanceOfRenderedLines(scan, sphere, lines(shifts_px));
+    EXPECT_EQ(all.size(), 3U);
+    EXPECT_EQ(all.at(1), 0);
+    return all.at(0);
+  };
+  EXPECT_NEAR(chance({0.3F, 0.3F, 0.3F}), 0, 1e-12);
+  EXPECT_EQ(chance({0.3F}), 0);
+  // Shifts of -1 and 1 px: the standard error is that of 1 px, whose effect is linear.
+  const double by_1_px = SystematicContributions(scan, sphere, lines({1}))[0];
+  EXPECT_GT(by_1_px, 1e-6);
+  EXPECT_NEAR(chance({-1, 1}) / by_1_px, 1, 1e-6);
+  EXPECT_NEAR(chance({-1, 1, -1, 1}) / by_1_px, 1 / std::sqrt(3.0), 1e-6);
+}
+
 // Independent noise along the normals: half of a range that holds 95 % is 1.96 standard deviations.
 TEST(PredictTests, FindsTheFormErrorOfNoise) {
   const Setting s = MakeSetting();
