@@ -4,9 +4,12 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <string_view>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "core/statistics/order_statistics.h"
 
 namespace sightline {
 namespace {
@@ -52,17 +55,31 @@ constexpr double kFocusRelative = 0.05;
 // Cameras have black levels so that noise is not cut off at zero; dark frames determine it.
 constexpr double kDarkMean_electrons = 30;
 constexpr int kLargestBits = 16;
+// Version 3. Pixels of machine-vision sensors: 2.4 to 7 um. Exposure time and power only count as
+// a product. Apertures between f/4 and f/16.
+constexpr double kPixelPitch_m = 5e-6, kExposure_s = 1e-3, kFNumber = 8, kFNumberRelative = 0.3;
+// Poses from corners of a board put the line to some pixels.
+constexpr double kLinePosition_px = 2;
 
 class Completion {
  public:
   explicit Completion(v1::Recordings* message) : message_(message) {}
 
   std::vector<std::string> Run() {
-    for (const UsualValue& usual : kUsualValues) Assume(usual);
+    const bool posed = message_->format_version() == 3;
+    if (posed) AssumeLengths();
+    for (const UsualValue& usual : kUsualValues) {
+      // Angles follow from the poses.
+      if (!(posed && std::string_view(usual.part) == "rig")) Assume(usual);
+    }
     AssumeConversion();
     AssumeDarkLevel();
     AssumeEfficiency();
-    AssumeDistances();
+    if (posed) {
+      AssumeExposure();
+    } else {
+      AssumeDistances();
+    }
     AssumeOrder();
     return std::move(notes_);
   }
@@ -154,6 +171,111 @@ class Completion {
          PlusMinus("quantum_efficiency_relative", kQuantumEfficiencyRelative, ""));
   }
 
+  // Median distance of the plate along the camera's axis; 0: no recording has a pose.
+  double PlateDepth() const {
+    std::vector<double> depths_m;
+    for (const v1::Recording& recording : message_->recordings()) {
+      if (!recording.plate_pose().has_translation_m()) continue;
+      depths_m.push_back(recording.plate_pose().translation_m().z());
+    }
+    return depths_m.empty() ? 0 : UpperMedian(std::move(depths_m));
+  }
+
+  // Pixel pitch, focal length and focus distance make the focal length in pixels: those that are
+  // not stated follow. The geometry depends on the pitch in no other way.
+  void AssumeLengths() {
+    const double depth_m = PlateDepth(), focal_px = message_->pixel_camera().focal_length_px();
+    if (!(depth_m > 0 && focal_px > 0)) return;  // ParseRecordings says what is missing
+    v1::Sensor* camera = message_->mutable_camera();
+    v1::Recordings::RecordedLens* lens = message_->mutable_lens();
+    const bool no_pitch = !camera->has_pixel_pitch_m();
+    if (no_pitch && lens->has_focal_length_m() && lens->focal_length_m() < depth_m) {
+      camera->set_pixel_pitch_m(1 / (1 / lens->focal_length_m() - 1 / depth_m) / focal_px);
+      notes_.push_back(absl::StrFormat(
+          "camera.pixel_pitch_m is not stated: %.4g m follows from lens.focal_length_m and "
+          "pixel_camera.focal_length_px, with the focus on the plate",
+          camera->pixel_pitch_m()));
+    } else if (no_pitch) {
+      camera->set_pixel_pitch_m(kPixelPitch_m);
+      notes_.push_back(absl::StrFormat(
+          "camera.pixel_pitch_m is not stated: %.4g m is assumed. Geometry and brightness do not "
+          "depend on it; size of speckle and diffraction do, so that wavelength and f-number cannot "
+          "be told",
+          kPixelPitch_m));
+      Widen("f_number_relative", kFNumberRelative);
+    }
+    const double image_m = focal_px * camera->pixel_pitch_m();
+    if (!lens->has_focal_length_m()) {
+      lens->set_focal_length_m(1 / (1 / image_m + 1 / depth_m));
+      notes_.push_back(absl::StrFormat(
+          "lens.focal_length_m is not stated: %.4g m follows from pixel_camera.focal_length_px and "
+          "camera.pixel_pitch_m",
+          lens->focal_length_m()));
+    }
+    const double inverse = 1 / lens->focal_length_m() - 1 / image_m;
+    const double focus_m = inverse > 0 ? 1 / inverse : depth_m;
+    if (AssumeInRecordings([](const auto& r) { return r.has_focus_distance_m(); },
+                           [focus_m](auto* r) { r->set_focus_distance_m(focus_m); })) {
+      Widen("focus_distance_relative", kFocusRelative);
+      notes_.push_back(absl::StrFormat(
+          "recordings[].focus_distance_m is not stated: %.4g m follows from the focal lengths, "
+          "+- %.3g %%, which is fitted",
+          focus_m, 100 * kFocusRelative));
+    }
+    const double laser_m = message_->laser_plane().has_origin_m()
+                               ? LaserDistance(message_->laser_plane().origin_m())
+                               : depth_m;
+    if (!message_->laser().has_beam_focus_distance_m()) {
+      message_->mutable_laser()->set_beam_focus_distance_m(laser_m);
+      Widen("beam_focus_distance_m", kBeamFocusUncertainty_m);
+      Note("laser.beam_focus_distance_m", laser_m, " m",
+           PlusMinus("beam_focus_distance_m", kBeamFocusUncertainty_m, " m"));
+    }
+    if (message_->uncertainty().line_position_each_px() == 0) {
+      Widen("line_position_each_px", kLinePosition_px);
+      Note("uncertainty.line_position_each_px", kLinePosition_px, " px", "");
+    }
+  }
+
+  // From the origin of the light to the plates' origins, median.
+  double LaserDistance(const v1::Vector3& origin) const {
+    std::vector<double> distances_m;
+    for (const v1::Recording& recording : message_->recordings()) {
+      if (!recording.plate_pose().has_translation_m()) continue;
+      const v1::Vector3& t = recording.plate_pose().translation_m();
+      distances_m.push_back(
+          std::hypot(t.x() - origin.x(), t.y() - origin.y(), t.z() - origin.z()));
+    }
+    return std::clamp(UpperMedian(std::move(distances_m)), 1e-3, 100.0);
+  }
+
+  void AssumeExposure() {
+    if (AssumeInRecordings([](const auto& r) { return r.has_exposure_time_s(); },
+                           [](auto* r) { r->set_exposure_time_s(kExposure_s); })) {
+      Widen("power_relative", 3);
+      notes_.push_back(absl::StrFormat(
+          "recordings[].exposure_time_s is not stated: %.3g s is assumed for all of them; only its "
+          "product with laser.power_w counts, which is fitted",
+          kExposure_s));
+    }
+    if (AssumeInRecordings([](const auto& r) { return r.has_f_number(); },
+                           [](auto* r) { r->set_f_number(kFNumber); })) {
+      Widen("f_number_relative", kFNumberRelative);
+      notes_.push_back(absl::StrFormat(
+          "recordings[].f_number is not stated: %.3g +- %.3g %% is assumed for all of them, and "
+          "fitted",
+          kFNumber, 100 * kFNumberRelative));
+    }
+    int position = 0;
+    for (const v1::Recording& recording : message_->recordings()) {
+      position = std::max(position, recording.plate_position_id());
+    }
+    for (v1::Recording& recording : *message_->mutable_recordings()) {
+      if (recording.kind() == "dark" || recording.has_plate_position_id()) continue;
+      recording.set_plate_position_id(++position);  // not known to be where another was
+    }
+  }
+
   // Says once for all recordings that miss a field.
   template <typename Has, typename Set>
   bool AssumeInRecordings(const Has& has, const Set& set) {
@@ -228,7 +350,7 @@ class Completion {
 }  // namespace
 
 std::vector<std::string> AssumeMissingValues(v1::Recordings* message) {
-  if (message->format_version() != 1) return {};
+  if (message->format_version() != 1 && message->format_version() != 3) return {};
   return Completion(message).Run();
 }
 

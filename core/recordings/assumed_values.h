@@ -10,8 +10,9 @@
 
 namespace sightline {
 
-// Fills in unstated values of a set of a plate (format version 1), with wide uncertainties; other
-// messages stay as they are. Values that nothing can replace (sizes, bits,
+// Fills in unstated values of a set of a plate (format versions 1 and 3), with wide uncertainties;
+// other messages stay as they are. Version 3 also lacks, if need be, pixel pitch, focal length,
+// exposure times, f-numbers and plate positions. Values that nothing can replace (sizes, bits,
 // pixel pitch, focal length, wavelength, exposure times, f-numbers, distances of the camera, plate
 // positions) are left missing, for ParseRecordings to name. Returns a sentence for every
 // assumption, with field, value and standard uncertainty.

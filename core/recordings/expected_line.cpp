@@ -24,17 +24,12 @@ double DiffractionTransfer(double s) {
   return s >= 1 ? 0 : 2 / pi * (std::acos(s) - s * std::sqrt(1 - s * s));
 }
 
-// Radiance over irradiance [1/sr] of Lambert + GGX for light at `incidence` and a view along the
-// normal.
-double Brdf(const RecordedSurface& surface, double incidence_rad) {
+// The view along the plate's normal of version 1.
+ObliqueView PerpendicularView(double incidence_rad) {
   const double half = std::cos(incidence_rad / 2);
-  const double alpha2 = surface.ggx_alpha * surface.ggx_alpha;
-  const double tangent = std::tan(incidence_rad);
-  const double base = half * half * (alpha2 - 1) + 1;
-  const double lobe = alpha2 / (pi * base * base) *
-                      (surface.specular_f0 + (1 - surface.specular_f0) * std::pow(1 - half, 5)) *
-                      2 / (1 + std::sqrt(1 + alpha2 * tangent * tangent));
-  return surface.diffuse_albedo / pi + lobe / (4 * std::cos(incidence_rad));
+  return {.incidence_angle_rad = incidence_rad,
+          .half_normal_cosine = half,
+          .half_ray_cosine = half};
 }
 
 }  // namespace
@@ -48,14 +43,18 @@ ExpectedLine ExpectLine(const RecordingSet& set, const RecordedImage& image) {
   const double b = 1 / (1 / f - 1 / image.focus_distance_m);
   const double plate_b = 1 / (1 / f - 1 / image.camera_distance_m);
   const double magnification = b / image.camera_distance_m;
-  const double cosine = std::cos(set.incidence_angle_rad);
+  const ObliqueView view =
+      image.view ? *image.view : PerpendicularView(set.incidence_angle_rad);
+  const double cosine = std::cos(view.incidence_angle_rad);
 
   ExpectedLine line;
   line.row_px = magnification * image.line_offset_m / pitch - image.roi_row_px;
   const double waist = set.laser.beam_quality_m2 * lambda / (pi * set.laser.divergence_rad);
   const double beam = std::hypot(
       waist, set.laser.divergence_rad * (image.laser_distance_m - set.laser.beam_focus_distance_m));
-  const double sigma = beam / 2 / cosine * magnification;  // of the line's image
+  const double sigma =  // of the line's image
+      std::hypot(beam / 2 / cosine * magnification * view.width_factor,
+                 std::sqrt(view.row_variance_px2) * pitch);
   const double disc = pupil * std::abs(1 - b / plate_b);
   const double cut_off = pupil / (lambda * b);
   // A disc seen edge on has a standard deviation of a quarter of its diameter.
@@ -68,8 +67,10 @@ ExpectedLine ExpectLine(const RecordingSet& set, const RecordedImage& image) {
   const double v = magnification * image.line_offset_m;
   const double cos_squared = 1 / (1 + (u * u + v * v) / (b * b));
   const double irradiance_m =
-      set.laser.power_w / length * Brdf(set.surface, set.incidence_angle_rad) * pi / 4 *
-      set.transmission * (pupil / b) * (pupil / b) * cos_squared * cos_squared * magnification;
+      set.laser.power_w / length * view.width_factor *
+      ObliqueBrdf(set.surface.diffuse_albedo, set.surface.specular_f0, set.surface.ggx_alpha,
+                  view) *
+      pi / 4 * set.transmission * (pupil / b) * (pupil / b) * cos_squared * cos_squared * magnification;
   const double photons =
       irradiance_m * pitch * image.exposure_time_s * lambda / (kPlanck_j_s * kSpeedOfLight_m_per_s);
   for (int channel = 0; channel < sensor.channels(); ++channel) {

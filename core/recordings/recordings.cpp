@@ -16,6 +16,7 @@
 #include "core/inspection/inspection.h"
 #include "core/json/json_text.h"
 #include "core/json/strict_json.h"
+#include "core/recordings/posed_plates.h"
 #include "core/status/status_macros.h"
 #include "core/text/number_text.h"
 #include "core/text/printable.h"
@@ -82,6 +83,20 @@ absl::Status CheckFile(const Checker& check, const std::string& path, const std:
   if (const std::string shown = Printable(file); shown != file) {
     return check.Error(path, absl::StrCat("is \"", shown, "\", must have no control characters"));
   }
+  return absl::OkStatus();
+}
+
+// The pose of the plate: laser recordings need one, dark frames have none.
+absl::Status ParsePose(const v1::Recording& m, const std::string& path, const Checker& check,
+                       RecordedImage* image) {
+  if (!m.has_plate_pose()) {
+    if (image->kind != RecordingKind::kLaser) return absl::OkStatus();
+    return check.Error(path + ".plate_pose", "is missing");
+  }
+  absl::StatusOr<Eigen::Isometry3d> pose =
+      ParsePlatePose(m.plate_pose(), path + ".plate_pose", check);
+  if (!pose.ok()) return pose.status();
+  image->plate_in_camera = *pose;
   return absl::OkStatus();
 }
 
@@ -152,6 +167,7 @@ absl::StatusOr<RecordedImage> ParseImage(const v1::Recording& m, int version, co
   }
   SIGHTLINE_RETURN_IF_ERROR(fields.Number("timestamp_s", m.has_timestamp_s(), m.timestamp_s(),
                                           kTimestamp, &image.timestamp_s));
+  if (version == 3) SIGHTLINE_RETURN_IF_ERROR(ParsePose(m, path, check, &image));
   if (m.has_plate_position_id() && m.plate_position_id() != kNoPlatePosition) {
     image.plate_position_id = m.plate_position_id();
   } else if (image.kind != RecordingKind::kDark) {
@@ -161,6 +177,19 @@ absl::StatusOr<RecordedImage> ParseImage(const v1::Recording& m, int version, co
                                            m.burst_frame_index(), kCount,
                                            &image.burst_frame_index));
   if (!m.has_same_speckle()) return check.Error(path + ".same_speckle", "is missing");
+  if (version == 3) {
+    if (image.burst_frame_index > 0) {
+      return check.Error(path + ".burst_frame_index",
+                         absl::StrCat("is ", image.burst_frame_index,
+                                      ", must be 0 in format_version 3"));
+    }
+    SIGHTLINE_RETURN_IF_ERROR(fields.Number("focus_distance_m", m.has_focus_distance_m(),
+                                            m.focus_distance_m(), kDistance,
+                                            &image.focus_distance_m));
+    SIGHTLINE_RETURN_IF_ERROR(fields.Integer("repeat_group", m.has_repeat_group(),
+                                             m.repeat_group(), kCount, &image.repeat_group));
+    return image;
+  }
   SIGHTLINE_RETURN_IF_ERROR(fields.Number("camera_distance_m", m.has_camera_distance_m(),
                                           m.camera_distance_m(), kDistance,
                                           &image.camera_distance_m));
@@ -224,9 +253,10 @@ absl::StatusOr<RecordingSet> ParseRecordings(const v1::Recordings& message,
   }
   RecordingSet set;
   set.format_version = message.format_version();
-  if (set.format_version != 1 && set.format_version != 2) {
-    return check.Error("format_version", absl::StrCat("is ", set.format_version,
-                                                      ", must be 1 (a plate) or 2 (a part)"));
+  if (set.format_version < 1 || set.format_version > 3) {
+    return check.Error("format_version",
+                       absl::StrCat("is ", set.format_version,
+                                    ", must be 1 (a plate), 2 (a part) or 3 (plates in poses)"));
   }
   set.name = message.set();
   if (!message.has_camera()) return check.Error("camera", "is missing");
@@ -259,7 +289,18 @@ absl::StatusOr<RecordingSet> ParseRecordings(const v1::Recordings& message,
                                          kFanAngle, &fan_angle_deg));
   set.laser.fan_angle_rad = Radians(fan_angle_deg);
 
-  if (set.format_version == 1) {
+  if (set.format_version != 3) {
+    if (message.has_pixel_camera()) {
+      return check.Error("pixel_camera", "belongs to format_version 3");
+    }
+    if (message.has_laser_plane()) return check.Error("laser_plane", "belongs to format_version 3");
+    for (int i = 0; i < message.recordings_size(); ++i) {
+      if (!message.recordings(i).has_plate_pose()) continue;
+      return check.Error(absl::StrCat("recordings[", i, "].plate_pose"),
+                         "belongs to format_version 3");
+    }
+  }
+  if (set.format_version != 2) {
     if (message.has_part()) return check.Error("part", "belongs to format_version 2");
     const Fields surface(check, "surface.");
     const v1::Recordings::PlateSurface& s = message.surface();
@@ -270,12 +311,21 @@ absl::StatusOr<RecordingSet> ParseRecordings(const v1::Recordings& message,
                                              kFraction, &set.surface.specular_f0));
     SIGHTLINE_RETURN_IF_ERROR(surface.Number("ggx_alpha", s.has_ggx_alpha(), s.ggx_alpha(),
                                              kRoughness, &set.surface.ggx_alpha));
+  }
+  if (set.format_version == 1) {
     double incidence_deg = 0;
     SIGHTLINE_RETURN_IF_ERROR(
         Fields(check, "rig.")
             .Number("incidence_angle_deg", message.rig().has_incidence_angle_deg(),
                     message.rig().incidence_angle_deg(), kIncidence, &incidence_deg));
     set.incidence_angle_rad = Radians(incidence_deg);
+  } else if (set.format_version == 3) {
+    if (message.has_rig()) {
+      return check.Error("rig", "belongs to format_version 1: angles follow from the poses");
+    }
+    absl::StatusOr<PosedPlates> posed = ParsePosedPlates(message, set.camera, check);
+    if (!posed.ok()) return posed.status();
+    set.posed = *posed;
   } else {
     if (message.has_surface()) return check.Error("surface", "belongs to format_version 1");
     if (message.has_rig()) return check.Error("rig", "belongs to format_version 1");
@@ -311,7 +361,7 @@ absl::StatusOr<RecordingSet> ParseRecordings(const v1::Recordings& message,
       return check.Error(path + ".file",
                          absl::StrCat("is \"", image->file, "\" like that of another recording"));
     }
-    if (image->focus_distance_m <= set.focal_length_m && set.format_version == 1) {
+    if (image->focus_distance_m <= set.focal_length_m && set.format_version != 2) {
       return check.Error(
           path + ".focus_distance_m",
           absl::StrCat("is ", NumberText(image->focus_distance_m),
@@ -336,6 +386,9 @@ absl::StatusOr<RecordingSet> ParseRecordings(const v1::Recordings& message,
          image->roi_rows_px != set.recordings.back().roi_rows_px)) {
       return check.Error(path + ".roi_columns_px",
                          "differs from that of the frame before in the same burst");
+    }
+    if (set.posed && image->kind == RecordingKind::kLaser) {
+      SIGHTLINE_RETURN_IF_ERROR(CheckLineInRegion(*set.posed, set.camera, *image, path, check));
     }
     set.recordings.push_back(*std::move(image));
   }
@@ -377,13 +430,68 @@ absl::StatusOr<RecordingSet> ReadRecordings(const std::string& path) {
   return ParseRecordings(message, path);
 }
 
+namespace {
+
+void SetVector(const Eigen::Vector3d& from, v1::Vector3* to) {
+  to->set_x(from.x());
+  to->set_y(from.y());
+  to->set_z(from.z());
+}
+
+// The fields of version 3 of a set, reduced or not.
+void SetPosedPlates(const RecordingSet& set, v1::Recordings* message) {
+  if (set.posed->transposed) {
+    message->mutable_camera()->set_sensor_columns_px(set.camera.rows_px);
+    message->mutable_camera()->set_sensor_rows_px(set.camera.columns_px);
+  }
+  const TargetCamera& camera = set.posed->camera;
+  v1::Recordings::PixelCamera* pixel = message->mutable_pixel_camera();
+  pixel->set_focal_length_px(camera.fx);
+  pixel->set_principal_point_column_px(camera.cx);
+  pixel->set_principal_point_row_px(camera.cy);
+  v1::Lens::Distortion* distortion = pixel->mutable_distortion();
+  distortion->set_k1(camera.distortion[0]);
+  distortion->set_k2(camera.distortion[1]);
+  distortion->set_p1(camera.distortion[2]);
+  distortion->set_p2(camera.distortion[3]);
+  distortion->set_k3(camera.distortion[4]);
+  v1::Recordings::LaserPlane* plane = message->mutable_laser_plane();
+  SetVector(set.posed->sheet.normal, plane->mutable_normal());
+  plane->set_offset_m(set.posed->sheet.offset_m);
+  if (set.posed->sheet.origin_m) {
+    SetVector(*set.posed->sheet.origin_m, plane->mutable_origin_m());
+  }
+}
+
+void SetPosedImage(const RecordedImage& image, v1::Recording* m) {
+  if (image.plate_position_id) m->set_plate_position_id(*image.plate_position_id);
+  m->set_same_speckle(image.same_speckle);
+  m->set_burst_frame_index(image.burst_frame_index);
+  m->set_repeat_group(image.repeat_group);
+  const ImagePart part = image.part_of_image.value_or(
+      ImagePart{image.file, image.roi_column_px, image.roi_row_px, image.roi_columns_px,
+                image.roi_rows_px});
+  m->set_file(part.file);
+  m->set_roi_column_px(part.column_px);
+  m->set_roi_row_px(part.row_px);
+  m->set_roi_columns_px(part.columns_px);
+  m->set_roi_rows_px(part.rows_px);
+  if (!image.plate_in_camera) return;
+  v1::Recording::PlatePose* pose = m->mutable_plate_pose();
+  for (int i = 0; i < 9; ++i) pose->add_rotation(image.plate_in_camera->linear()(i / 3, i % 3));
+  SetVector(image.plate_in_camera->translation(), pose->mutable_translation_m());
+}
+
+}  // namespace
+
 v1::Recordings RecordingsToProto(const RecordingSet& set) {
   v1::Recordings message;
   message.set_format(kFormat);
-  message.set_format_version(set.format_version);
+  message.set_format_version(set.posed ? 3 : set.format_version);
   message.set_set(set.name);
   *message.mutable_camera() = SensorToProto(set.camera);
-  if (set.format_version == 1) {
+  if (set.posed) SetPosedPlates(set, &message);
+  if (set.format_version != 2) {
     v1::Sensor* camera = message.mutable_camera();
     const Sensor null;
     if (set.camera.dark_current_electrons_per_s == 0) {
@@ -402,11 +510,13 @@ v1::Recordings RecordingsToProto(const RecordingSet& set) {
   laser->set_divergence_rad(set.laser.divergence_rad);
   laser->set_beam_focus_distance_m(set.laser.beam_focus_distance_m);
   laser->set_fan_angle_deg(Degrees(set.laser.fan_angle_rad));
-  if (set.format_version == 1) {
+  if (set.format_version != 2) {
     v1::Recordings::PlateSurface* surface = message.mutable_surface();
     surface->set_diffuse_albedo(set.surface.diffuse_albedo);
     surface->set_specular_f0(set.surface.specular_f0);
     surface->set_ggx_alpha(set.surface.ggx_alpha);
+  }
+  if (set.format_version == 1 && !set.posed) {
     message.mutable_rig()->set_incidence_angle_deg(Degrees(set.incidence_angle_rad));
   }
   v1::Recordings::Uncertainty* u = message.mutable_uncertainty();
@@ -438,8 +548,12 @@ v1::Recordings RecordingsToProto(const RecordingSet& set) {
     m->set_series(image.series);
     m->set_exposure_time_s(image.exposure_time_s);
     m->set_f_number(image.f_number);
-    m->set_camera_distance_m(image.camera_distance_m);
     m->set_focus_distance_m(image.focus_distance_m);
+    if (set.posed) {
+      SetPosedImage(image, m);
+      continue;
+    }
+    m->set_camera_distance_m(image.camera_distance_m);
     m->set_laser_distance_m(image.laser_distance_m);
     m->set_roi_column_px(image.roi_column_px);
     m->set_roi_row_px(image.roi_row_px);

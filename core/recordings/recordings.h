@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // recordings.json: images of a laser line and the nominal description of rig and settings
-// (docs/recordings.md). Version 1: a flat plate; version 2: a part.
+// (docs/recordings.md). Version 1: a flat plate; version 2: a part; version 3: a flat plate in a
+// pose for each recording.
 #pragma once
 
+#include <Eigen/Geometry>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -10,6 +12,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "core/plate_line/plate_line.h"
 #include "core/rig/measurement.h"
 #include "core/rig/rig.h"
 #include "core/sensor/sensor.h"
@@ -53,6 +56,12 @@ struct SetupDeviation {
   double line_position_each_px = 0;  // a standard deviation: drawn for every plate position
 };
 
+// Part of an image file, relative to the middle of the sensor as RecordedImage has it.
+struct ImagePart {
+  std::string file;
+  int column_px = 0, row_px = 0, columns_px = 0, rows_px = 0;
+};
+
 // One image. For parts the fields from camera_distance_m to line_offset_m follow from the
 // measurement, and plate_position_id is unset.
 struct RecordedImage {
@@ -79,6 +88,18 @@ struct RecordedImage {
   int scan = 0;
   int frame = 0;
   double stage_position_m = 0;
+  // Version 3. Laser recordings have a pose, which takes points of the plate to camera coordinates.
+  std::optional<Eigen::Isometry3d> plate_in_camera;
+  // Version 3 after its reduction to version 1 (core/recordings/reduction).
+  std::optional<ObliqueView> view;
+  std::optional<ImagePart> part_of_image;
+};
+
+// Version 3: what all poses refer to.
+struct PosedPlates {
+  TargetCamera camera;  // pixels of the sensor, counted from its first
+  LaserSheet sheet;
+  bool transposed = false;  // reduced recordings of lines along the columns of the sensor
 };
 
 // Version 2: what the images show.
@@ -103,6 +124,12 @@ struct RecordingSet {
   SetupDeviation uncertainty;             // all 0 if not given
   std::vector<RecordedImage> recordings;  // in order of time
   std::optional<RecordedPart> part;       // version 2
+  std::optional<PosedPlates> posed;       // version 3, also after its reduction
+
+  // Angle between the light and the plate's normal.
+  double IncidenceAngle(const RecordedImage& image) const {
+    return image.view ? image.view->incidence_angle_rad : incidence_angle_rad;
+  }
 };
 
 // INVALID_ARGUMENT names `context` (e.g. the file name), field path, value and allowed range: a

@@ -177,7 +177,7 @@ absl::StatusOr<v1::RenderSpec> PlateSpec(const RenderOptions& options) {
   if (status = ParseRecordings(plate->recordings(), options.choice.input).status(); !status.ok()) {
     return status;
   }
-  if (plate->recordings().format_version() != 1) {
+  if (plate->recordings().format_version() == 2) {
     return absl::InvalidArgumentError(
         absl::StrCat(options.choice.input,
                      ": format_version is 2: render the inspection it was made "

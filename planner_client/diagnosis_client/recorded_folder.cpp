@@ -33,7 +33,9 @@ absl::StatusOr<RecordedFolder> ReadRecordedFolder(const std::string& path, Shown
   if (shown == Shown::kPlate && set.recordings.format_version() != 1) {
     return absl::InvalidArgumentError(
         absl::StrCat(set.description_file, ": format_version is ", set.recordings.format_version(),
-                     " (images of a part), must be 1: laser lines on a flat plate"));
+                     set.recordings.format_version() == 2 ? " (images of a part)"
+                                                          : " (plates in poses)",
+                     ", must be 1: laser lines on a flat plate"));
   }
   std::vector<ListedImage> listed;
   for (const v1::Recording& recording : set.recordings.recordings()) {

@@ -2,6 +2,7 @@
 #include "render_worker/diagnosis/diagnose.h"
 
 #include <algorithm>
+#include <iterator>
 #include <set>
 #include <string>
 #include <string_view>
@@ -50,11 +51,38 @@ absl::Status CheckEnough(const RecordedSet& set) {
   return absl::OkStatus();
 }
 
-std::vector<const Effect*> EffectsToConsider(const std::vector<std::string>& excluded) {
+// Effects that plates in poses (format version 3) cannot show. Their recordings are segments whose
+// columns are shifted and may be transposed, so that rows and columns of the sensor are lost. The
+// shape and the place of the line are those of the poses.
+constexpr std::string_view kNotInPoses[] = {
+    "geometry.camera_roll",        "geometry.laser_roll",     "illumination.line_bow",
+    "sensor.column_gain",          "sensor.row_noise",        "sensor.dsnu_column_pattern",
+    "sensor.rolling_shutter",      "sensor.smear",            "surface.curved_plate",
+    "surface.tilted_plate",        "unknown.cell_gain",       "unknown.column_trail",
+    "unknown.keystone",            "unknown.line_noise",      "unknown.line_place",
+    "unknown.readout_lag",         "unknown.row_memory",
+};
+
+bool CanShow(const RecordedSet& set, const EffectDescription& description) {
+  if (!description.plates_can_show_it) return false;
+  return !set.description.posed ||
+         std::find(std::begin(kNotInPoses), std::end(kNotInPoses), description.id) ==
+             std::end(kNotInPoses);
+}
+
+std::vector<const Effect*> TermsToConsider(const RecordedSet& set) {
+  std::vector<const Effect*> terms(FreeFormTerms().begin(), FreeFormTerms().end());
+  std::erase_if(terms,
+                [&](const Effect* term) { return !CanShow(set, term->description()); });
+  return terms;
+}
+
+std::vector<const Effect*> EffectsToConsider(const RecordedSet& set,
+                                             const std::vector<std::string>& excluded) {
   std::vector<const Effect*> effects;
   for (const Effect* effect : AllEffects()) {
     const EffectDescription& description = effect->description();
-    if (!description.plates_can_show_it) continue;
+    if (!CanShow(set, description)) continue;
     if (std::find(excluded.begin(), excluded.end(), description.id) == excluded.end()) {
       effects.push_back(effect);
     }
@@ -221,9 +249,11 @@ absl::StatusOr<v1::Diagnosis> Diagnose(const RecordedSet& set, const DiagnosisSe
   };
 
   if (!report(0, "reading statistics")) return cancelled;
-  std::vector<const Effect*> effects = EffectsToConsider(settings.excluded_effects);
+  std::vector<const Effect*> effects = EffectsToConsider(set, settings.excluded_effects);
   SetModelSettings model_settings;
   model_settings.threads = settings.threads;
+  // Recordings of plates in poses are segments already.
+  if (set.description.posed) model_settings.blocks_along_line = 1;
   model_settings.present_effects = EvidentEffects(set, effects);
   const std::vector<ActiveEffect>& evident = model_settings.present_effects;
   const SetModel model(set, model_settings);
@@ -238,7 +268,8 @@ absl::StatusOr<v1::Diagnosis> Diagnose(const RecordedSet& set, const DiagnosisSe
                        [&](const ActiveEffect& active) { return active.effect == effect; });
   });
   comparison_settings.effects = effects;
-  comparison_settings.free_forms = FreeFormTerms();
+  const std::vector<const Effect*> terms = TermsToConsider(set);
+  comparison_settings.free_forms = terms;
   comparison_settings.max_effects = settings.max_effects;
   comparison_settings.seed = settings.seed;
   double done = 0;

@@ -163,10 +163,10 @@ absl::StatusOr<FormedImage> FormImage(IdealImage image, const FrameSetup& frame,
                      std::move(read_out.mean_photo_electrons)};
 }
 
-absl::StatusOr<FormedImage> RenderPlateFrame(const FrameSetup& nominal,
-                                             std::span<const ActiveEffect> effects,
-                                             const Image<double>* previous_mean_electrons,
-                                             int threads) {
+absl::StatusOr<FormedImage> RenderPlateFrame(
+    const FrameSetup& nominal, std::span<const ActiveEffect> effects,
+    const Image<double>* previous_mean_electrons, int threads,
+    const std::function<PlateScene(const FrameSetup&)>& make_scene) {
   const FrameSetup frame = ApplyFrameEffects(nominal, effects);
   SpeckleModel speckle;
   speckle.seed = frame.seeds.speckle;
@@ -174,7 +174,7 @@ absl::StatusOr<FormedImage> RenderPlateFrame(const FrameSetup& nominal,
   speckle.on = frame.speckle;
   IdealImage image = NoLight(frame);
   if (frame.shutter_open) {
-    PlateScene scene = MakePlateScene(frame);
+    PlateScene scene = make_scene(frame);
     for (const ActiveEffect& active : effects) {
       active.effect->OnPlate(scene, frame, active.parameters);
     }

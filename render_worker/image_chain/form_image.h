@@ -2,6 +2,7 @@
 // The chain after light transport: ideal image -> optics -> sensor -> raw numbers, with effects.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -53,10 +54,11 @@ absl::StatusOr<FormedImage> FormImage(IdealImage image, const FrameSetup& frame,
                                       const SpeckleModel& speckle,
                                       const Image<double>* previous_mean_electrons, int threads);
 
-// A plate, from scene to raw numbers.
-absl::StatusOr<FormedImage> RenderPlateFrame(const FrameSetup& nominal,
-                                             std::span<const ActiveEffect> effects,
-                                             const Image<double>* previous_mean_electrons,
-                                             int threads);
+// A plate, from scene to raw numbers. `make_scene`: the plate of a frame as ApplyFrameEffects leaves
+// it, before the effects on plates.
+absl::StatusOr<FormedImage> RenderPlateFrame(
+    const FrameSetup& nominal, std::span<const ActiveEffect> effects,
+    const Image<double>* previous_mean_electrons, int threads,
+    const std::function<PlateScene(const FrameSetup&)>& make_scene = MakePlateScene);
 
 }  // namespace sightline

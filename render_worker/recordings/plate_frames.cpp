@@ -3,13 +3,54 @@
 
 #include <algorithm>
 #include <cassert>
+#include <cmath>
 
 #include "core/random/counter_random.h"
+#include "core/recordings/posed_plates.h"
+#include "render_worker/plate/tilted_plate.h"
 
 namespace sightline {
 
+namespace {
+
+// Gives the line of a plate perpendicular to the camera the width and brightness that it has in an
+// oblique view (core/plate_line). The beam is made wider by changing both waist and divergence. The
+// power makes up for the width, and for the reflectance between other directions. The reflectance
+// is that of the surface here: effects that change the surface later act in the ratio of a
+// perpendicular view.
+void ApplyView(const ObliqueView& view, FrameSetup* frame) {
+  const PlateGeometry& plate = frame->plate;
+  const double radius_m = BeamRadius(frame->laser, plate.laser_distance_m);
+  // Standard deviation of a line that whole-pixel shifts move within a column: twice as a radius.
+  const double px_m =
+      frame->sensor.pixel_pitch_m * plate.camera_distance_m / frame->ImageDistance();
+  const double shifts_m =
+      2 * std::sqrt(view.row_variance_px2) * px_m * std::cos(plate.incidence_angle_rad);
+  const double wider = std::hypot(view.width_factor, shifts_m / radius_m);
+  ObliqueView directions = view;
+  directions.incidence_angle_rad = plate.incidence_angle_rad;
+  const PlateSurface& surface = frame->surface;
+  const double reflected =
+      ObliqueBrdf(surface.diffuse_albedo, surface.specular_f0, surface.ggx_alpha, directions) /
+      PlateBrdf(surface, plate.incidence_angle_rad);
+  frame->laser.divergence_rad *= wider;
+  frame->laser.beam_quality_m2 *= wider * wider;
+  frame->laser.power_w *= view.width_factor * reflected;
+}
+
+// Depth of a recording's plate: of version 3 that of the middle of the line, or without one that in
+// focus.
+double PlateDepth(const RecordingSet& set, const RecordedImage& image) {
+  if (set.format_version != 3) return image.camera_distance_m;
+  if (!image.plate_in_camera) return image.focus_distance_m;
+  const auto line = FindLineInRegion(*set.posed, set.camera, image);
+  return line.ok() ? line->start_m.z() : image.focus_distance_m;
+}
+
+}  // namespace
+
 FrameSetup PlateFrame(const RecordingSet& set, int index, const PlateFrameOptions& options) {
-  assert(set.format_version == 1);
+  assert(set.format_version != 2);
   const RecordedImage& image = set.recordings[static_cast<size_t>(index)];
   const SetupDeviation& d = options.deviation;
   FrameSetup frame;
@@ -39,9 +80,9 @@ FrameSetup PlateFrame(const RecordingSet& set, int index, const PlateFrameOption
   frame.surface.specular_f0 = std::min(1.0, set.surface.specular_f0 * (1 + d.specular_f0_relative));
   frame.surface.ggx_alpha = set.surface.ggx_alpha * (1 + d.ggx_alpha_relative);
 
-  frame.plate.camera_distance_m = image.camera_distance_m + d.camera_distance_m;
+  frame.plate.camera_distance_m = PlateDepth(set, image) + d.camera_distance_m;
   frame.plate.laser_distance_m = image.laser_distance_m + d.laser_distance_m;
-  frame.plate.incidence_angle_rad = set.incidence_angle_rad + d.incidence_angle_rad;
+  frame.plate.incidence_angle_rad = set.IncidenceAngle(image) + d.incidence_angle_rad;
   double line_shift_px = d.line_position_common_px;
   if (image.plate_position_id) {
     const uint64_t seed =
@@ -51,6 +92,8 @@ FrameSetup PlateFrame(const RecordingSet& set, int index, const PlateFrameOption
   const double magnification = frame.ImageDistance() / frame.plate.camera_distance_m;
   frame.plate.line_offset_m =
       image.line_offset_m + line_shift_px * frame.sensor.pixel_pitch_m / magnification;
+
+  if (image.view) ApplyView(*image.view, &frame);
 
   frame.roi = {image.roi_column_px, image.roi_row_px, image.roi_columns_px, image.roi_rows_px};
   frame.seeds.speckle = DeriveSeed(options.seed, "speckle",
@@ -66,6 +109,16 @@ FrameSetup PlateFrame(const RecordingSet& set, int index, const PlateFrameOption
   frame.recording_index = index;
   frame.speckle = options.speckle;
   return frame;
+}
+
+std::function<PlateScene(const FrameSetup&)> PlateOf(const RecordingSet& set, int index) {
+  const RecordedImage& image = set.recordings[static_cast<size_t>(index)];
+  if (set.format_version != 3 || !image.plate_in_camera) return MakePlateScene;
+  const auto line = LineOnPlate(set.posed->sheet, *image.plate_in_camera);
+  assert(line.ok() && set.posed->sheet.origin_m);
+  return [posed = *set.posed, line = *line](const FrameSetup& frame) {
+    return MakeTiltedPlateScene(frame, posed.camera, posed.sheet, line);
+  };
 }
 
 }  // namespace sightline

@@ -3,9 +3,11 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 
 #include "core/recordings/recordings.h"
 #include "render_worker/frame/frame_setup.h"
+#include "render_worker/plate/plate_scene.h"
 
 namespace sightline {
 
@@ -15,8 +17,12 @@ struct PlateFrameOptions {
   bool speckle = true;
 };
 
-// Recording `index` of a set of format version 1. Speckle depends on seed and plate position only,
-// noise on seed and index.
+// Recording `index` of a set of a plate. Speckle depends on seed and plate position only, noise on
+// seed and index. Of version 3, `plate` has the depth in the middle of the line and nothing else.
 FrameSetup PlateFrame(const RecordingSet& set, int index, const PlateFrameOptions& options);
+
+// The plate of the recording before effects. Version 3: the tilted plate exactly; deviations of
+// distances, angles and the line's position do not change it, and laser_plane.origin_m must be set.
+std::function<PlateScene(const FrameSetup&)> PlateOf(const RecordingSet& set, int index);
 
 }  // namespace sightline

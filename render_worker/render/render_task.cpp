@@ -324,8 +324,13 @@ class PlateTask final : public RenderTask {
     absl::StatusOr<RecordingSet> set = ParseRecordings(message_, "plate.recordings");
     if (!set.ok()) return set.status();
     set_ = *std::move(set);
-    if (set_.format_version != 1) {
-      return InvalidFields({{"plate.recordings.format_version", "is 2, must be 1: a plate"}});
+    if (set_.format_version == 2) {
+      return InvalidFields(
+          {{"plate.recordings.format_version", "is 2, must be 1 or 3: a plate"}});
+    }
+    if (set_.posed && !set_.posed->sheet.origin_m) {
+      return InvalidFields({{"plate.recordings.laser_plane.origin_m",
+                             "is missing: the light of a rendered laser comes from somewhere"}});
     }
     if (output.layers()) {
       return InvalidFields({{"output.layers", "is for parts; a plate has none"}});
@@ -385,8 +390,9 @@ class PlateTask final : public RenderTask {
                           absl::StrCat("image ", i + 1, " of ", frames()));
       }
       const FrameSetup frame = PlateFrame(set_, i, options_);
-      auto image = RenderPlateFrame(
-          frame, effects_, frame.burst_frame_index > 0 ? &previous : nullptr, hooks.threads);
+      auto image = RenderPlateFrame(frame, effects_,
+                                    frame.burst_frame_index > 0 ? &previous : nullptr,
+                                    hooks.threads, PlateOf(set_, i));
       if (!image.ok()) return image.status();
       if (Cancelled(hooks)) return absl::CancelledError("cancelled");
       if (!finished) {

@@ -18,6 +18,8 @@
 #include "core/recordings/load_images.h"
 #include "core/recordings/part_inspection.h"
 #include "core/recordings/recordings.h"
+#include "core/recordings/reduction/reduce_posed_plates.h"
+#include "core/recordings/reduction/start_from_images.h"
 #include "proto/status/rpc_status.h"
 #include "render_worker/effects/effect.h"
 #include "render_worker/render/part_inspection.h"
@@ -161,6 +163,22 @@ absl::StatusOr<std::shared_ptr<DiagnosisServiceImpl::CheckedSet>> DiagnosisServi
     assumptions.push_back(
         TakeNarrowNumbers(EightBitNumbers(description->camera), &*description, &checked->images));
   }
+  if (description->posed) {
+    auto reduced = ReducePosedPlates(*description, checked->images);
+    if (!reduced.ok()) return reduced.status();
+    if (static_cast<int>(reduced->set.recordings.size()) > kMostRecordings) {
+      return InvalidFields(
+          {{"source.recordings.recordings",
+            absl::StrCat("have ", reduced->set.recordings.size(), " segments of ", kSegmentPx,
+                         " px along their lines, at most ", kMostRecordings)}});
+    }
+    *description = std::move(reduced->set);
+    checked->images = std::move(reduced->raw_dn);
+    assumptions.insert(assumptions.end(), reduced->remarks.begin(), reduced->remarks.end());
+    for (std::string& note : StartFromImages(checked->images, &*description)) {
+      assumptions.push_back(std::move(note));
+    }
+  }
   RecordingCheck check = CheckRecordings(*description, checked->images, stop);
   if (check.narrow) {
     assumptions.push_back(TakeNarrowNumbers(*check.narrow, &*description, &checked->images));
@@ -181,9 +199,13 @@ absl::StatusOr<std::shared_ptr<DiagnosisServiceImpl::CheckedSet>> DiagnosisServi
 absl::StatusOr<std::shared_ptr<const DiagnosisServiceImpl::CheckedPlate>>
 DiagnosisServiceImpl::CheckPlate(const v1::RecordedSetSource& source, Missing missing,
                                  const StopCheck& stop) {
-  if (const int version = source.recordings().format_version(); version == 2) {
-    return InvalidFields({{"source.recordings.format_version",
-                           "is 2 (images of a part), must be 1: laser lines on a flat plate"}});
+  const int version = source.recordings().format_version();
+  if (version == 2 || (version == 3 && missing == Missing::kError)) {
+    return InvalidFields(
+        {{"source.recordings.format_version",
+          absl::StrCat("is ", version,
+                       version == 2 ? " (images of a part)" : " (plates in poses)",
+                       ", must be 1: laser lines on a flat plate")}});
   }
   auto set = Check(source, missing, stop);
   if (!set.ok()) return set.status();

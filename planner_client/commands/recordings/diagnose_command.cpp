@@ -166,6 +166,11 @@ absl::StatusOr<CalibratedInspection> Calibrated(
   if (!options.inspection.empty()) {
     return CalibrateInspectionFile(options.inspection, set.recordings, diagnosis, folder.string());
   }
+  if (set.recordings.format_version() == 3) {
+    return absl::FailedPreconditionError(
+        "recordings of plates in poses have no rig; sightline calibrate makes an inspection of the "
+        "frames");
+  }
   constexpr char kPlateFile[] = "plate.obj";
   CalibratedInspection result =
       CalibrateInspection(InspectionOfPlate(set.recordings, kPlateFile), set.recordings, diagnosis);
@@ -243,8 +248,10 @@ absl::StatusOr<std::vector<std::string>> WriteAnswer(const DiagnoseOptions& opti
   // The renderer takes these of a plate; of a part it takes the inspection.
   if (!ShowsPart(set)) {
     if (diagnosis.has_calibrated()) {
-      files.emplace_back(calibrated / "recordings.json",
-                         RecordingsToJson(diagnosis.calibrated()) + "\n");
+      v1::Recordings fitted = diagnosis.calibrated();
+      // The answer has segments of the lines; the description is that of whole images.
+      if (fitted.format_version() == 3) *fitted.mutable_recordings() = set.recordings.recordings();
+      files.emplace_back(calibrated / "recordings.json", RecordingsToJson(fitted) + "\n");
     }
     files.emplace_back(calibrated / "effects.json", EffectsJson(diagnosis));
   }
@@ -299,7 +306,14 @@ absl::StatusOr<int> Diagnose(DiagnoseOptions options) {
       if (!given) continue;
       return absl::InvalidArgumentError(absl::StrCat(name, " is for recordings of a part; ",
                                                      set->description_file,
-                                                     " has format_version 1: a plate"));
+                                                     " has format_version ",
+                                                     set->recordings.format_version(),
+                                                     ": a plate"));
+    }
+    if (!options.inspection.empty() && set->recordings.format_version() == 3) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("--inspection is for recordings with a rig; ", set->description_file,
+                       " has format_version 3: plates in poses"));
     }
     if (!options.inspection.empty()) {
       const auto inspection = CalibrateInspectionFile(options.inspection, set->recordings, {}, ".");

@@ -14,9 +14,12 @@
 #include "core/file/atomic_write.h"
 #include "core/inspection/inspection.h"
 #include "core/json/strict_json.h"
+#include "core/recordings/assumed_values.h"
 #include "core/recordings/check/check_recordings.h"
 #include "core/recordings/load_images.h"
 #include "core/recordings/recordings.h"
+#include "core/recordings/reduction/reduce_posed_plates.h"
+#include "core/recordings/reduction/start_from_images.h"
 #include "core/recordings/shot_list.h"
 #include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/command_line/process/output_folder.h"
@@ -76,9 +79,14 @@ absl::StatusOr<int> Check(const std::string& input) {
     description = folder;
     folder = folder.parent_path();
   }
-  auto set = ReadRecordings(description.string());
-  if (!set.ok()) return set.status();
+  v1::Recordings message;
+  absl::Status status = ReadRecordingsMessage(description.string(), &message);
+  if (!status.ok()) return status;
   std::vector<std::string> paths, notes, missing;
+  // Plates in poses usually state little; other sets are made by a shot list, which states all.
+  if (message.format_version() == 3) notes = AssumeMissingValues(&message);
+  auto set = ParseRecordings(message, description.string());
+  if (!set.ok()) return set.status();
   for (const RecordedImage& image : set->recordings) {
     paths.push_back((folder / image.file).string());
     std::error_code error;
@@ -100,6 +108,14 @@ absl::StatusOr<int> Check(const std::string& input) {
   if (loaded->eight_bit_files) {
     notes.push_back(TakeNarrowNumbers(EightBitNumbers(set->camera), &*set, &images));
   }
+  if (set->posed) {
+    auto reduced = ReducePosedPlates(*set, images);
+    if (!reduced.ok()) return reduced.status();
+    *set = std::move(reduced->set);
+    images = std::move(reduced->raw_dn);
+    notes.insert(notes.end(), reduced->remarks.begin(), reduced->remarks.end());
+    for (std::string& note : StartFromImages(images, &*set)) notes.push_back(std::move(note));
+  }
   RecordingCheck check = CheckRecordings(*set, images);
   if (check.narrow) {
     notes.push_back(TakeNarrowNumbers(*check.narrow, &*set, &images));
@@ -115,7 +131,9 @@ absl::StatusOr<int> Check(const std::string& input) {
     const char* kind = recording.kind == RecordingKind::kLaser  ? "laser"
                        : recording.kind == RecordingKind::kDark ? "dark"
                                                                 : "ambient";
-    if (std::find(missing.begin(), missing.end(), recording.file) != missing.end()) continue;
+    const std::string& file =
+        recording.part_of_image ? recording.part_of_image->file : recording.file;
+    if (std::find(missing.begin(), missing.end(), file) != missing.end()) continue;
     if (images[i].empty()) {
       PrintText("%-20s %-7s %8s %8s %10s  %-4s  not usable\n", recording.file.c_str(), kind, "-",
                 "-", "-", "-");

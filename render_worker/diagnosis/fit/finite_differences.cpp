@@ -28,11 +28,15 @@ constexpr double kLeastSquare = 1e-12;
 // Standardised distance beyond which a parameter counts as moved by its bound; above rounding.
 constexpr double kAtBound = 1e-9;
 
-// Deviations that change nothing but the amount of laser light, by their names in the format.
-bool IsAmountOfLight(std::string_view name) {
+// Deviations that change nothing but the amount of laser light, by their names in the format. Those
+// of the surface do so only if all recordings have the same directions of light and view.
+bool IsAmountOfLight(std::string_view name, bool same_directions) {
+  if (name == "diffuse_albedo_relative" || name == "specular_f0_relative" ||
+      name == "ggx_alpha_relative") {
+    return same_directions;
+  }
   return name == "power_relative" || name == "transmission_relative" ||
-         name == "diffuse_albedo_relative" || name == "specular_f0_relative" ||
-         name == "ggx_alpha_relative" || name == "quantum_efficiency_relative";
+         name == "quantum_efficiency_relative";
 }
 
 }  // namespace
@@ -64,9 +68,10 @@ void FiniteDifferences::DifferentiateSetup(const FitState& state, FitJacobian& j
   const BlockVectors origin =
       middle_only ? problem_.model().Expect(vector.ToParameters(state.x), false, true).mean
                   : state.mean;
+  const bool same_directions = !problem_.model().set().description.posed;
   int first_amount = -1;
   for (int i = 0; i < vector.first_shift(); ++i) {
-    if (!IsAmountOfLight(vector.DeviationName(i))) {
+    if (!IsAmountOfLight(vector.DeviationName(i), same_directions)) {
       Differentiate(state, origin, middle_only, i, jacobian);
     } else if (first_amount < 0) {
       first_amount = i;
