@@ -6,11 +6,14 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "core/calibration_set/calibration_set.h"
 #include "core/file/atomic_write.h"
 #include "core/json/strict_json.h"
+#include "core/recordings/recordings.h"
 #include "planner_client/calibration/calibrate_scanner.h"
 #include "planner_client/calibration/calibration_files.h"
+#include "planner_client/calibration/recorded_lines.h"
 #include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/command_line/process/output_folder.h"
 #include "planner_client/commands/commands.h"
@@ -47,6 +50,34 @@ absl::Status WriteFiles(const CalibrateOptions& options, const CalibrationSet& s
   return WriteReport(CalibrationReport(result), (out / "report.html").string());
 }
 
+// The folder recordings/, for sightline diagnose. A sentence about it.
+absl::StatusOr<std::string> WriteRecordings(const CalibrateOptions& options,
+                                            const CalibrationSet& set,
+                                            const CalibrationResult& result) {
+  const fs::path folder = fs::path(options.out) / "recordings";
+  const auto lines = RecordedLinesOf(set, result);
+  if (!lines.ok()) {
+    return absl::StrCat("recordings/ is not written: ", lines.status().message());
+  }
+  std::error_code error;
+  fs::remove_all(folder, error);  // of an earlier run
+  fs::create_directories(folder / "images", error);
+  if (error) {
+    return absl::UnavailableError(absl::StrCat(folder.string(), ": ", error.message()));
+  }
+  for (const auto& [file, bytes] : lines->images) {
+    absl::Status s = WriteFileAtomically((folder / file).string(), bytes);
+    if (!s.ok()) return s;
+  }
+  absl::Status s = WriteFileAtomically((folder / "recordings.json").string(),
+                                       RecordingsToJson(lines->recordings) + "\n");
+  if (!s.ok()) return s;
+  return absl::StrFormat(
+      "recordings/ has %d pieces of the lines for sightline diagnose; %.0f %% of their length is "
+      "left out, since dark squares, edges or other parts are beside it",
+      lines->images.size(), 100.0 * lines->left_out_px / std::max(1, lines->line_px));
+}
+
 absl::StatusOr<int> Calibrate(const CalibrateOptions& options) {
   const auto set = ReadCalibrationSet(options.folder);
   if (!set.ok()) return set.status();
@@ -59,6 +90,8 @@ absl::StatusOr<int> Calibrate(const CalibrateOptions& options) {
   const auto result = CalibrateScanner(*set);
   if (!result.ok()) return result.status();
   if (absl::Status s = WriteFiles(options, *set, *result); !s.ok()) return s;
+  const auto recordings = WriteRecordings(options, *set, *result);
+  if (!recordings.ok()) return recordings.status();
 
   std::printf("frame                 real rms mm  predicted rms mm  ratio\n");
   for (const CalibrationFrameResult& frame : result->frames) {
@@ -81,6 +114,7 @@ absl::StatusOr<int> Calibrate(const CalibrateOptions& options) {
   for (const std::string& warning : result->warnings) {
     std::printf("warning: %s\n", warning.c_str());
   }
+  std::printf("%s\n", recordings->c_str());
   for (const char* file : {"inspection.json", "calibration.json", "report.html", "report.json"}) {
     std::printf("%s\n", fs::absolute(fs::path(options.out) / file).c_str());
   }
@@ -98,7 +132,8 @@ Command AddCalibrateCommand(CLI::App& app) {
   app.add_option("--unit", options->unit,
                  "length unit of a part file that states none: m, cm, mm, um, inch");
   app.add_option("--out", options->out,
-                 "folder for inspection.json, calibration.json, report.html and report.json")
+                 "folder for inspection.json, calibration.json, report.html, report.json and "
+                 "recordings/")
       ->required();
   return [options]() -> int {
     const absl::StatusOr<int> code = Calibrate(*options);
