@@ -3,6 +3,7 @@
 """Calibrates the real line sensor of examples/etna_line_sensor, and the same frames with mistakes.
 
 The data are not in the repository: SIGHTLINE_SHARED_DIR/data/real/etna_line_sensor. Without them nothing is measured.
+With --diagnose, the pieces of the lines that calibrate writes are diagnosed, and the finding is printed.
 With --mistakes, copies of the set with one mistake each are calibrated, too, and what was said is printed.
 """
 
@@ -43,6 +44,30 @@ def calibrate(folder, out):
     return 0, run.stdout, json.loads((out / "calibration.json").read_text(encoding="utf-8"))
 
 
+def diagnose(recordings, out):
+    """The answer of sightline diagnose; a run that fails is one of finding and no more."""
+    run = subprocess.run([str(bench.SIGHTLINE), "diagnose", str(recordings), "--out", str(out)],
+                         capture_output=True, text=True, timeout=7200, check=False)
+    if run.returncode != 0:
+        return {"finding": f"exit code {run.returncode}: {run.stderr.strip()}", "warnings": []}
+    answer = json.loads((out / "diagnosis_full.json").read_text(encoding="utf-8"))
+    return {
+        "finding": answer["finding"],
+        "ranked": [{"effect": e["effect"], "probability": e["probability"],
+                    "log_evidence": e.get("log_evidence")} for e in answer["ranked"][:6]],
+        "same_class": answer.get("same_class", []),
+        "warnings": answer.get("warnings", []),
+    }
+
+
+def print_diagnosis(answer):
+    print(f"\ndiagnosis: {answer['finding']}")
+    for explanation in answer.get("ranked", []):
+        print(f"{explanation['probability']:>9.3f}  {explanation['effect']}")
+    for line in answer["warnings"]:
+        print("-", line)
+
+
 def square(length_m):
     def change(set_file):
         set_file["checkerboard"]["square_m"] = length_m
@@ -80,6 +105,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--json")
     parser.add_argument("--mistakes", action="store_true")
+    parser.add_argument("--diagnose", action="store_true")
     args = parser.parse_args()
     if not DATA.is_dir():
         print(f"skipped: no data at {DATA}")
@@ -90,7 +116,6 @@ def main():
         code, text, result = calibrate(folder / "set", folder / "out")
         if code != 0:
             sys.exit(f"line_sensor: exit code {code}\n{text}")
-        shutil.rmtree(folder / "out")
         print_frames(result)
         ratio = result["real_over_predicted"]
         print(f"real over predicted {ratio['value']:.2f} ({ratio['low']:.2f} to {ratio['high']:.2f})")
@@ -98,6 +123,10 @@ def main():
             print("-", line)
         result["frames_used"] = sum(frame["used"] for frame in result["frames"])
         result["frame_count"] = len(result["frames"])
+        if args.diagnose:
+            result["diagnosis"] = diagnose(folder / "out/recordings", folder / "diagnosis")
+            print_diagnosis(result["diagnosis"])
+        shutil.rmtree(folder / "out")
         for name, mistake in MISTAKES.items() if args.mistakes else ():
             copy_set(folder / name, **mistake)
             code, text, wrong = calibrate(folder / name, folder / "out")

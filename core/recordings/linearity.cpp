@@ -135,4 +135,94 @@ Linearity MeasureLinearity(const RecordingSet& set, const std::vector<Image<uint
   return result;
 }
 
+namespace {
+
+constexpr int kGroups = 10;
+constexpr int kLevelBins = 2 * 16;  // two an octave
+constexpr double kFewPixels = 200;
+// Variances below this are rounding and little else [DN^2].
+constexpr double kLeastVariance_dn2 = 0.05;
+
+struct LevelSums {
+  double count = 0, level = 0, variance = 0;
+
+  void Add(const LevelSums& other) {
+    count += other.count;
+    level += other.level;
+    variance += other.variance;
+  }
+};
+using LevelNoise = std::array<LevelSums, kLevelBins>;
+
+void AddImage(const Image<uint16_t>& image, double full_dn, LevelNoise* noise) {
+  // A second difference of independent values of variance v has the variance 6 v.
+  constexpr double kSecondDifference = 6;
+  for (int row = 0; row < image.rows_px; ++row) {
+    const uint16_t* values = image.Row(row);
+    for (int c = 1; c + 1 < image.columns_px; c += 3) {
+      const double level = (values[c - 1] + values[c] + values[c + 1]) / 3.0;
+      const double second = values[c - 1] - 2.0 * values[c] + values[c + 1];
+      if (level < 1 || std::max({values[c - 1], values[c], values[c + 1]}) > 0.85 * full_dn) {
+        continue;
+      }
+      LevelSums& bin =
+          (*noise)[static_cast<size_t>(std::min(static_cast<int>(2 * std::log2(level)),
+                                                kLevelBins - 1))];
+      bin.count += 1;
+      bin.level += level;
+      bin.variance += second * second / kSecondDifference;
+    }
+  }
+}
+
+std::optional<double> ExponentOf(const LevelNoise& noise) {
+  Slope slope;
+  double least = 1e300, most = 0;
+  int used = 0;
+  for (const LevelSums& bin : noise) {
+    if (bin.count < kFewPixels) continue;
+    const double variance = bin.variance / bin.count - 1 / 12.0;
+    if (variance < kLeastVariance_dn2) continue;
+    const double level = bin.level / bin.count;
+    slope.Add(std::log(level), std::log(variance), 1);
+    least = std::min(least, level);
+    most = std::max(most, level);
+    ++used;
+  }
+  if (used < 3 || most < 3 * least) return std::nullopt;
+  return slope.Value();
+}
+
+}  // namespace
+
+std::optional<SingleImageNoise> MeasureSingleImageNoise(const RecordingSet& set,
+                                                        const std::vector<Image<uint16_t>>& raw_dn,
+                                                        double full_dn) {
+  std::vector<LevelNoise> groups(kGroups);
+  int used = 0;
+  for (size_t i = 0; i < raw_dn.size(); ++i) {
+    if (set.recordings[i].kind != RecordingKind::kLaser || raw_dn[i].empty()) continue;
+    AddImage(raw_dn[i], full_dn, &groups[static_cast<size_t>(used++ % kGroups)]);
+  }
+  const int group_count = std::min(used, kGroups);
+  if (group_count < 4) return std::nullopt;
+  const auto exponent_without = [&](int left_out) {
+    LevelNoise sum{};
+    for (int g = 0; g < group_count; ++g) {
+      if (g == left_out) continue;
+      for (size_t bin = 0; bin < sum.size(); ++bin) sum[bin].Add(groups[static_cast<size_t>(g)][bin]);
+    }
+    return ExponentOf(sum);
+  };
+  const std::optional<double> exponent = exponent_without(-1);
+  if (!exponent) return std::nullopt;
+  double square = 0;
+  for (int g = 0; g < group_count; ++g) {
+    const double off = exponent_without(g).value_or(*exponent) - *exponent;
+    square += off * off;
+  }
+  const double n = group_count;
+  return SingleImageNoise{*exponent, std::sqrt(square * (n - 1) / n)};
+}
+
 }  // namespace sightline

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Are the numbers proportional to light? Two tests that need no model of the image.
+// Are the numbers proportional to light? Tests that need no model of the image.
 #pragma once
 
 #include <optional>
@@ -25,5 +25,17 @@ struct Linearity {
 // three. `full_dn`: no larger numbers occur.
 Linearity MeasureLinearity(const RecordingSet& set, const std::vector<Image<uint16_t>>& raw_dn,
                            double dark_level_dn, double full_dn);
+
+// Exponent of the noise variance against the level in single images, where there are no pairs: by
+// second differences along the rows, beside and on the line, where it is not clipped. Shot noise of
+// raw numbers has 1, of numbers encoded as y ~ x^(1/g) 2 - g, so -0.2 at 2.2. Speckle and texture
+// have 2 either way.
+struct SingleImageNoise {
+  double exponent = 0, standard_error = 0;  // jackknife over up to ten groups of recordings
+};
+// nullopt: fewer than four recordings, or levels that differ by less than a factor of three.
+std::optional<SingleImageNoise> MeasureSingleImageNoise(const RecordingSet& set,
+                                                        const std::vector<Image<uint16_t>>& raw_dn,
+                                                        double full_dn);
 
 }  // namespace sightline

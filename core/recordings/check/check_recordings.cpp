@@ -23,8 +23,8 @@ RecordingCheck RecordingChecks::Run() {
     steps.insert(steps.end(), {&RecordingChecks::FindLines, &RecordingChecks::CheckLight,
                                &RecordingChecks::CheckBrightness, &RecordingChecks::CheckPlace,
                                &RecordingChecks::CheckColours, &RecordingChecks::CheckDarkFrames,
-                               &RecordingChecks::CheckLinearity, &RecordingChecks::CheckSpeckle,
-                               &RecordingChecks::CheckContents});
+                               &RecordingChecks::CheckLinearity, &RecordingChecks::CheckGamma,
+                               &RecordingChecks::CheckSpeckle, &RecordingChecks::CheckContents});
   }
   for (const auto step : steps) {
     if (!CheckStop(stop_).ok()) return {};

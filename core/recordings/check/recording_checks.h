@@ -99,6 +99,7 @@ class RecordingChecks {
   void CheckColours();
   void CheckDarkFrames();
   void CheckLinearity();
+  void CheckGamma();
   void CheckSpeckle();
 
   // Reports quantities for which the set is too small.

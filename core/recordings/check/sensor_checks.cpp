@@ -207,6 +207,40 @@ void RecordingChecks::CheckDarkFrames() {
   }
 }
 
+void RecordingChecks::CheckGamma() {
+  if (!set_.posed || out_of_range_) return;
+  // Between the exponents of shot noise in raw numbers, 1, and with a gamma of 2.2, -0.2.
+  constexpr double kBetween = 0.4;
+  // Above, speckle or texture outweigh shot noise, which have 2 with any gamma.
+  constexpr double kShotNoise = 1.4;
+  const auto noise = MeasureSingleImageNoise(set_, raw_, set_.camera.largest_dn());
+  if (!noise) {
+    Warning("gamma: the levels of the images differ too little to tell whether the numbers are raw",
+            "", {});
+    return;
+  }
+  const double b = noise->exponent, error = noise->standard_error;
+  const std::string measured = absl::StrFormat(
+      "gamma: the variance of the noise in single images grows as level^%.2f (standard error %.2f); "
+      "shot noise has 1 in raw numbers and 2 - g with a gamma of g",
+      b, error);
+  if (b + 2 * error < kBetween) {
+    Error(absl::StrFormat("%s: numbers of a gamma of about %.1f; record raw numbers", measured,
+                          2 - b),
+          "", {});
+  } else if (b - 2 * error > kShotNoise) {
+    Warning(measured +
+                ": more than shot noise, by speckle or texture, which have 2 with any gamma, so that "
+                "it cannot be told whether the numbers are raw",
+            "", {});
+  } else if (b - 2 * error > kBetween) {
+    Warning(measured + ": they are taken as raw", "", {});
+  } else {
+    Warning(measured + ": it cannot be told whether the numbers are raw; they are taken as such",
+            "", {});
+  }
+}
+
 void RecordingChecks::CheckLinearity() {
   if (out_of_range_) return;
   // A plateau below the largest number is a full well.

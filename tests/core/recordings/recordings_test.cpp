@@ -81,7 +81,7 @@ TEST(Recordings, ErrorsNameFileFieldValueAndRange) {
     std::string expected;
   } cases[] = {
       {[](auto* m) { m->set_format("laser"); }, "format is \"laser\", must be"},
-      {[](auto* m) { m->set_format_version(3); }, "format_version is 3, must be 1"},
+      {[](auto* m) { m->set_format_version(4); }, "format_version is 4, must be 1"},
       {[](auto* m) { m->clear_camera(); }, "camera is missing"},
       {[](auto* m) { m->mutable_camera()->set_gain_dn_per_electron(0); },
        "camera: gain_dn_per_electron is 0"},
