@@ -46,6 +46,14 @@ constexpr UsualValue kUsualValues[] = {
     // Industrial CMOS cameras by their EMVA 1288 data sheets: 2 to 15 electrons.
     {"camera", "dark_noise_electrons", 6, "dark_noise_relative", 0.3, " electrons"},
 };
+// Version 3, in place of those above: plates are targets from paper to metal, which tilts tell
+// apart, and cameras of 8 bits may be noisy. Normal laws are cut at a tenth of the value.
+constexpr UsualValue kUsualValuesOfPoses[] = {
+    {"surface", "specular_f0", 0.3, "specular_f0_relative", 1, ""},
+    {"surface", "ggx_alpha", 0.4, "ggx_alpha_relative", 0.5, ""},
+    {"camera", "dark_noise_electrons", 10, "dark_noise_relative", 1, " electrons"},
+};
+constexpr double kDarkMeanUncertaintyOfPoses_electrons = 100;
 // Quantum efficiency of mono sensors in the red.
 constexpr double kQuantumEfficiency = 0.5, kQuantumEfficiencyRelative = 0.2;
 // Pixels hold about this much where nothing is said.
@@ -67,7 +75,10 @@ class Completion {
 
   std::vector<std::string> Run() {
     const bool posed = message_->format_version() == 3;
-    if (posed) AssumeLengths();
+    if (posed) {
+      AssumeLengths();
+      for (const UsualValue& usual : kUsualValuesOfPoses) Assume(usual);
+    }
     for (const UsualValue& usual : kUsualValues) {
       // Angles follow from the poses.
       if (!(posed && std::string_view(usual.part) == "rig")) Assume(usual);
@@ -149,10 +160,13 @@ class Completion {
   void AssumeDarkLevel() {
     v1::Sensor* camera = message_->mutable_camera();
     if (camera->has_dark_mean_electrons() || camera->has_black_level_dn()) return;
+    const double uncertainty = message_->format_version() == 3
+                                   ? kDarkMeanUncertaintyOfPoses_electrons
+                                   : kDarkMean_electrons;
     camera->set_dark_mean_electrons(kDarkMean_electrons);
-    Widen("dark_mean_electrons", kDarkMean_electrons);
+    Widen("dark_mean_electrons", uncertainty);
     Note("camera.dark_mean_electrons", kDarkMean_electrons, " electrons",
-         PlusMinus("dark_mean_electrons", kDarkMean_electrons, " electrons"));
+         PlusMinus("dark_mean_electrons", uncertainty, " electrons"));
   }
 
   void AssumeEfficiency() {

@@ -14,7 +14,8 @@ namespace {
 
 constexpr Limits kFocalLength_px{10, 1e6, " px", true};
 constexpr Limits kOffset{-100, 100, " m"};
-constexpr double kRotationTolerance = 1e-6, kOffPlane_m = 1e-3;
+// Six digits of a matrix are a rotation within 2e-6.
+constexpr double kRotationTolerance = 1e-5, kOffPlane_m = 1e-3;
 // Rows or columns that the line must cross: less is no segment.
 constexpr int kLeastLength_px = 16;
 
@@ -113,7 +114,7 @@ absl::StatusOr<Eigen::Isometry3d> ParsePlatePose(const v1::Recording::PlatePose&
   }
   if (!message.has_translation_m()) return check.Error(path + ".translation_m", "is missing");
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-  pose.linear() = rotation;
+  pose.linear() = Eigen::Quaterniond(rotation).normalized().toRotationMatrix();
   pose.translation() = VectorOf(message.translation_m());
   if (!(pose.translation().z() > 0 && pose.translation().norm() <= 100)) {
     return check.Error(path + ".translation_m",

@@ -21,7 +21,7 @@ absl::StatusOr<PosedPlates> ParsePosedPlates(const v1::Recordings& message, cons
                                              const Checker& check);
 
 // Takes points of the plate to camera coordinates. `path`: of the pose. INVALID_ARGUMENT: not nine
-// numbers, not a rotation (within 1e-6 of an orthogonal matrix, determinant 1), or the plate's
+// numbers, not a rotation (within 1e-5 of an orthogonal matrix, determinant 1), or the plate's
 // origin is not in front of the camera.
 absl::StatusOr<Eigen::Isometry3d> ParsePlatePose(const v1::Recording::PlatePose& message,
                                                  const std::string& path, const Checker& check);

@@ -164,6 +164,8 @@ absl::StatusOr<std::shared_ptr<DiagnosisServiceImpl::CheckedSet>> DiagnosisServi
         TakeNarrowNumbers(EightBitNumbers(description->camera), &*description, &checked->images));
   }
   if (description->posed) {
+    const RecordingCheck whole = CheckRecordings(*description, checked->images, stop);
+    if (!whole.errors.empty()) return InvalidImages(files, whole.errors);
     auto reduced = ReducePosedPlates(*description, checked->images);
     if (!reduced.ok()) return reduced.status();
     if (static_cast<int>(reduced->set.recordings.size()) > kMostRecordings) {

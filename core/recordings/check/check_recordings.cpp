@@ -17,8 +17,11 @@ namespace sightline {
 RecordingCheck RecordingChecks::Run() {
   std::vector<void (RecordingChecks::*)()> steps = {
       &RecordingChecks::CollectNumbers, &RecordingChecks::CheckNumbers,
-      &RecordingChecks::CheckBlankAndClipped, &RecordingChecks::CheckDuplicates,
-      &RecordingChecks::CheckBlocks};
+      &RecordingChecks::CheckBlankAndClipped, &RecordingChecks::CheckDuplicates};
+  // Segments of slanted lines have steps where the shift of their columns changes: whole images are
+  // checked before they are cut.
+  const bool reduced = set_.posed && set_.format_version == 1;
+  if (!reduced) steps.push_back(&RecordingChecks::CheckBlocks);
   if (set_.format_version == 1) {
     steps.insert(steps.end(), {&RecordingChecks::FindLines, &RecordingChecks::CheckLight,
                                &RecordingChecks::CheckBrightness, &RecordingChecks::CheckPlace,

@@ -85,12 +85,13 @@ std::vector<std::string> StartFromImages(const std::vector<Image<uint16_t>>& raw
   std::vector<std::string> notes;
   const auto expected = [&](size_t i) { return ExpectLine(*set, set->recordings[i]); };
   if (divergence) {
-    // The beam alone, over that of the present divergence: the rest of the width stays.
-    const double before = set->laser.divergence_rad;
-    set->laser.divergence_rad = 1e-9 + before * 1e-3;
+    // The beam alone is scaled, so that the width of the lens is found with a beam of none.
+    const Laser before = set->laser;
+    set->laser.divergence_rad = 1e-9;
+    set->laser.beam_quality_m2 = 1e-9;
     std::vector<double> other;
     for (const auto& [i, profile] : seen) other.push_back(expected(i).width_px);
-    set->laser.divergence_rad = before;
+    set->laser = before;
     for (size_t k = 0; k < seen.size(); ++k) {
       const auto& [i, profile] = seen[k];
       const double nominal = expected(i).width_px;

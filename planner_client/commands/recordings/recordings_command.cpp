@@ -109,6 +109,8 @@ absl::StatusOr<int> Check(const std::string& input) {
     notes.push_back(TakeNarrowNumbers(EightBitNumbers(set->camera), &*set, &images));
   }
   if (set->posed) {
+    const RecordingCheck whole = CheckRecordings(*set, images);
+    errors.insert(errors.end(), whole.errors.begin(), whole.errors.end());
     auto reduced = ReducePosedPlates(*set, images);
     if (!reduced.ok()) return reduced.status();
     *set = std::move(reduced->set);

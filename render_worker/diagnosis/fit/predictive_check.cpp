@@ -98,6 +98,7 @@ PredictiveCheck CheckPredictions(const SetModel& model, const FitResult& fit, co
     // Patnaik's approximation: c times a chi squared of h degrees of freedom has the same mean and
     // variance as the noncentral chi squared.
     const double n = group.degrees_of_freedom, lambda = group.model_error;
+    if (n == 0) continue;  // texture of lines that are all clipped
     const double c = (n + 2 * lambda) / (n + lambda);
     const double h = (n + lambda) * (n + lambda) / (n + 2 * lambda);
     group.p_value = ChiSquaredPValue(kEvidenceWeight * group.chi_squared / c, h);
