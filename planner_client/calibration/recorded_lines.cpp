@@ -194,7 +194,7 @@ PosedPlates PosedPlatesOf(const CalibrationResult& result) {
   return posed;
 }
 
-// What the whole set states.
+// The fields that the whole set states.
 v1::Recordings DescriptionOf(const CalibrationSet& set, const CalibrationResult& result,
                              const PosedPlates& posed, int bits) {
   v1::Recordings message;

@@ -212,7 +212,7 @@ class Reduction {
         LeaveOut(image, segment, "the line is too near the edge of the region of interest");
         continue;
       }
-      // Where the line is in the middle column, as if all columns were shifted alike.
+      // The line's row in the middle column, as if all columns were shifted alike.
       const double line_px = centre[centre.size() / 2] + offset;
       RecordedImage reduced = Common(image, segment.middle_m.z());
       reduced.file = PartName(image, segment);

@@ -62,7 +62,7 @@ struct ModelComparison {
   // the predictive checks of the null model and of it.
   Hypothesis named;
   PredictiveCheck null_check, named_check;
-  // Of the difference, by which it may still be the answer (evidence/judgement.h).
+  // Share of the difference that `named` may leave and still be the answer (evidence/judgement.h).
   double share_names_may_leave = 0;
   // Stages with the largest gain first. Empty: no hypothesis with a model-discrepancy term leads.
   std::vector<StageTransfer> transfer;
