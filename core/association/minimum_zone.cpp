@@ -17,7 +17,7 @@ using Eigen::VectorXd;
 constexpr int kMostSteps = 60;
 constexpr int kMostHalvings = 30;
 // Half widths below this share of the cloud's extent are rounding of coordinates.
-constexpr double kRounding = 1e-13;
+constexpr double kCoordinateRounding = 1e-13;
 // Shares of the half width. Fits of a nearly cylindrical cone or of a short arc may end between the
 // two, since numbers of single parameters are then ill determined.
 constexpr double kConverged = 1e-9, kMostGap = 1e-5;
@@ -72,7 +72,7 @@ std::optional<MinimumZone> FitMinimumZone(SurfaceKind kind, std::span<const Vect
     differentiated.df(VectorXd::Zero(count), jacobian);
     linear = FitChebyshev(jacobian, distances);
     if (!linear) return std::nullopt;
-    if (half_width - linear->deviation <= kConverged * half_width + kRounding) break;
+    if (half_width - linear->deviation <= kConverged * half_width + kCoordinateRounding) break;
     bool narrower = false;
     double most = linear->coefficients.cwiseAbs().maxCoeff();
     VectorXd change = -linear->coefficients;
@@ -94,7 +94,7 @@ std::optional<MinimumZone> FitMinimumZone(SurfaceKind kind, std::span<const Vect
   }
   if (!linear) return std::nullopt;
   const double gap = half_width - linear->lower_bound;
-  if (!(gap <= kMostGap * half_width + kRounding)) return std::nullopt;
+  if (!(gap <= kMostGap * half_width + kCoordinateRounding)) return std::nullopt;
   MinimumZone zone;
   zone.surface = cloud.InMetres(surface);
   zone.width_m = cloud.scale_m * (distances.maxCoeff() - distances.minCoeff());
