@@ -10,10 +10,10 @@
 namespace sightline {
 namespace {
 
-using ::testing::HasSubstr;
 using std::numbers::pi;
+using ::testing::HasSubstr;
 
-TargetCamera Camera() { return {.fx = 2000, .fy = 2000, .cx = 640, .cy = 512}; }
+TargetCamera CalibratedCamera() { return {.fx = 2000, .fy = 2000, .cx = 640, .cy = 512}; }
 
 // Laser at the given angle from the camera's axis in the plane x = 0, whose plane contains the x
 // axis and the point 0.3 m before the camera.
@@ -37,7 +37,7 @@ Eigen::Isometry3d Plate(double about_x_rad, double about_y_rad = 0) {
 ObliqueView ViewAt(const LaserSheet& sheet, const Eigen::Isometry3d& plate) {
   const auto line = LineOnPlate(sheet, plate);
   EXPECT_TRUE(line.ok()) << line.status();
-  const auto view = ViewOfLine(Camera(), sheet, *line, false, {0, 0, 0.3});
+  const auto view = ViewOfLine(CalibratedCamera(), sheet, *line, false, {0, 0, 0.3});
   EXPECT_TRUE(view.ok()) << view.status();
   return *view;
 }
@@ -52,8 +52,8 @@ TEST(PlateLine, PlatePerpendicularToTheAxisIsThatOfVersion1) {
 }
 
 TEST(PlateLine, WidthIsForeshortenedByTheView) {
-  // A laser along the normal of a plate that the camera sees at 30 degrees: the line on the plate is
-  // as wide as the beam, its image cos 30 degrees of that.
+  // A laser along the normal of a plate that the camera sees at 30 degrees: the line on the plate
+  // is as wide as the beam, its image cos 30 degrees of that.
   const ObliqueView view = ViewAt(Sheet(pi / 6), Plate(pi / 6));
   EXPECT_NEAR(view.incidence_angle_rad, 0, 1e-6);
   EXPECT_NEAR(view.view_cosine, std::cos(pi / 6), 1e-9);
@@ -75,7 +75,7 @@ TEST(PlateLine, BrdfIsReciprocalAndOfVersion1AlongTheNormal) {
 }
 
 TEST(PlateLine, PlacesLieOnPlateAndLaserPlaneAlsoWithDistortion) {
-  TargetCamera camera = Camera();
+  TargetCamera camera = CalibratedCamera();
   camera.distortion = {-0.2, 0.05, 1e-3, -5e-4, 0};
   const LaserSheet sheet = Sheet(pi / 4);
   const Eigen::Isometry3d plate = Plate(0.3, -0.4);
@@ -103,7 +103,7 @@ TEST(PlateLine, ErrorsSayWhatIsWrong) {
   // The laser stands on the other side of the plate.
   const auto line = LineOnPlate(sheet, Plate(-pi / 3));
   ASSERT_TRUE(line.ok());
-  const auto view = ViewOfLine(Camera(), sheet, *line, false, {0, 0, 0.3});
+  const auto view = ViewOfLine(CalibratedCamera(), sheet, *line, false, {0, 0, 0.3});
   EXPECT_THAT(std::string(view.status().message()), HasSubstr("from behind"));
 }
 
