@@ -15,10 +15,10 @@
 namespace sightline {
 namespace {
 
-constexpr Limits kFraction{0, 1, "", true};
-constexpr Limits kDistance{0, 100, " m", true};
-constexpr Limits kIncidence{0, 90, " deg"};
-constexpr Limits kAzimuth{0, 180, " deg"};
+constexpr Limits kDetectedFraction{0, 1, "", true};
+constexpr Limits kTableDistance{0, 100, " m", true};
+constexpr Limits kTableIncidence{0, 90, " deg"};
+constexpr Limits kTableAzimuth{0, 180, " deg"};
 // A time that shows the line; infinity has its meaning.
 constexpr Limits kTableTime{0, std::numeric_limits<double>::infinity(), " s", true};
 constexpr int64_t kMostEntries = 1 << 16;
@@ -27,8 +27,8 @@ constexpr int kMostMaterials = 64;
 constexpr double kLeastSine = 1e-9;
 
 template <typename Values>
-absl::Status CheckAxis(const Checker& check, const std::string& path, const Values& values,
-                       const Limits& limits) {
+absl::Status CheckTableAxis(const Checker& check, const std::string& path, const Values& values,
+                            const Limits& limits) {
   if (values.empty()) return check.Error(path, "is missing");
   for (int i = 0; i < values.size(); ++i) {
     const std::string field = absl::StrCat(path, "[", i, "]");
@@ -42,24 +42,25 @@ absl::Status CheckAxis(const Checker& check, const std::string& path, const Valu
 }
 
 template <typename Values>
-std::vector<double> InRadians(const Values& degrees) {
+std::vector<double> TableRadians(const Values& degrees) {
   std::vector<double> radians;
   for (const double angle : degrees) radians.push_back(Radians(angle));
   return radians;
 }
 
-absl::StatusOr<MaterialExposures> ParseMaterial(const v1::DetectabilityOfMaterial& message,
-                                                const std::string& path, const Checker& check) {
+absl::StatusOr<MaterialExposures> ParseMaterialExposures(const v1::DetectabilityOfMaterial& message,
+                                                         const std::string& path,
+                                                         const Checker& check) {
+  SIGHTLINE_RETURN_IF_ERROR(CheckTableAxis(check, path + ".camera_distances_m",
+                                           message.camera_distances_m(), kTableDistance));
+  SIGHTLINE_RETURN_IF_ERROR(CheckTableAxis(check, path + ".camera_incidence_deg",
+                                           message.camera_incidence_deg(), kTableIncidence));
+  SIGHTLINE_RETURN_IF_ERROR(CheckTableAxis(check, path + ".laser_incidence_deg",
+                                           message.laser_incidence_deg(), kTableIncidence));
   SIGHTLINE_RETURN_IF_ERROR(
-      CheckAxis(check, path + ".camera_distances_m", message.camera_distances_m(), kDistance));
+      CheckTableAxis(check, path + ".azimuth_deg", message.azimuth_deg(), kTableAzimuth));
   SIGHTLINE_RETURN_IF_ERROR(
-      CheckAxis(check, path + ".camera_incidence_deg", message.camera_incidence_deg(), kIncidence));
-  SIGHTLINE_RETURN_IF_ERROR(
-      CheckAxis(check, path + ".laser_incidence_deg", message.laser_incidence_deg(), kIncidence));
-  SIGHTLINE_RETURN_IF_ERROR(
-      CheckAxis(check, path + ".azimuth_deg", message.azimuth_deg(), kAzimuth));
-  SIGHTLINE_RETURN_IF_ERROR(
-      check.Range(path + ".laser_distance_m", message.laser_distance_m(), kDistance));
+      check.Range(path + ".laser_distance_m", message.laser_distance_m(), kTableDistance));
   // Four sizes of at most 2^31 each: compared step by step, so that nothing overflows.
   int64_t entries = 1;
   for (const int64_t size : {message.camera_distances_m_size(), message.camera_incidence_deg_size(),
@@ -94,9 +95,9 @@ absl::StatusOr<MaterialExposures> ParseMaterial(const v1::DetectabilityOfMateria
   exposures.part_material = message.part_material();
   exposures.camera_distances_m.assign(message.camera_distances_m().begin(),
                                       message.camera_distances_m().end());
-  exposures.camera_incidence_rad = InRadians(message.camera_incidence_deg());
-  exposures.laser_incidence_rad = InRadians(message.laser_incidence_deg());
-  exposures.azimuth_rad = InRadians(message.azimuth_deg());
+  exposures.camera_incidence_rad = TableRadians(message.camera_incidence_deg());
+  exposures.laser_incidence_rad = TableRadians(message.laser_incidence_deg());
+  exposures.azimuth_rad = TableRadians(message.azimuth_deg());
   exposures.laser_distance_m = message.laser_distance_m();
   exposures.shortest_s.assign(message.shortest_exposure_time_s().begin(),
                               message.shortest_exposure_time_s().end());
@@ -186,7 +187,7 @@ absl::StatusOr<Detectability> ParseDetectability(const v1::Detectability& messag
     detectability.min_detected_fraction = message.min_detected_fraction();
   }
   SIGHTLINE_RETURN_IF_ERROR(check.Range("detectability.min_detected_fraction",
-                                        detectability.min_detected_fraction, kFraction));
+                                        detectability.min_detected_fraction, kDetectedFraction));
   if (!message.has_table()) return detectability;
   const v1::DetectabilityTable& table = message.table();
   const std::string materials = "detectability.table.materials";
@@ -203,7 +204,8 @@ absl::StatusOr<Detectability> ParseDetectability(const v1::Detectability& messag
                          absl::StrCat("is \"", table.materials(i).part_material(),
                                       "\" like that of another entry"));
     }
-    absl::StatusOr<MaterialExposures> exposures = ParseMaterial(table.materials(i), path, check);
+    absl::StatusOr<MaterialExposures> exposures =
+        ParseMaterialExposures(table.materials(i), path, check);
     if (!exposures.ok()) return exposures.status();
     detectability.materials.push_back(*std::move(exposures));
   }
