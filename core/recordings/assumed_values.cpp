@@ -52,7 +52,12 @@ constexpr UsualValue kUsualValuesOfPoses[] = {
     {"surface", "specular_f0", 0.3, "specular_f0_relative", 1, ""},
     {"surface", "ggx_alpha", 0.4, "ggx_alpha_relative", 0.5, ""},
     {"camera", "dark_noise_electrons", 10, "dark_noise_relative", 1, " electrons"},
+    // Its start is the width of the lines in the images (core/recordings/reduction).
+    {"laser", "divergence_rad", 1e-3, "divergence_relative", 0.2, " rad"},
 };
+// The waist is not known, but divergence and waist change together with the width of the lines. A
+// wide uncertainty here would let the line become as wide as a halo.
+constexpr double kBeamFocusUncertaintyOfPoses_m = 0.02;
 constexpr double kDarkMeanUncertaintyOfPoses_electrons = 100;
 // Quantum efficiency of mono sensors in the red.
 constexpr double kQuantumEfficiency = 0.5, kQuantumEfficiencyRelative = 0.2;
@@ -65,7 +70,7 @@ constexpr double kDarkMean_electrons = 30;
 constexpr int kLargestBits = 16;
 // Version 3. Pixels of machine-vision sensors: 2.4 to 7 um. Exposure time and power only count as
 // a product. Apertures between f/4 and f/16.
-constexpr double kPixelPitch_m = 5e-6, kExposure_s = 1e-3, kFNumber = 8, kFNumberRelative = 0.3;
+constexpr double kPixelPitch_m = 5e-6, kExposure_s = 1e-3, kFNumber = 8, kFNumberRelative = 0.2;
 // Poses from corners of a board put the line to some pixels.
 constexpr double kLinePosition_px = 2;
 
@@ -241,9 +246,9 @@ class Completion {
                                : depth_m;
     if (!message_->laser().has_beam_focus_distance_m()) {
       message_->mutable_laser()->set_beam_focus_distance_m(laser_m);
-      Widen("beam_focus_distance_m", kBeamFocusUncertainty_m);
+      Widen("beam_focus_distance_m", kBeamFocusUncertaintyOfPoses_m);
       Note("laser.beam_focus_distance_m", laser_m, " m",
-           PlusMinus("beam_focus_distance_m", kBeamFocusUncertainty_m, " m"));
+           PlusMinus("beam_focus_distance_m", kBeamFocusUncertaintyOfPoses_m, " m"));
     }
     if (message_->uncertainty().line_position_each_px() == 0) {
       Widen("line_position_each_px", kLinePosition_px);

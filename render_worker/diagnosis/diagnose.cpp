@@ -2,6 +2,7 @@
 #include "render_worker/diagnosis/diagnose.h"
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 #include <set>
 #include <string>
@@ -68,6 +69,16 @@ bool CanShow(const RecordedSet& set, const EffectDescription& description) {
   return !set.description.posed ||
          std::find(std::begin(kNotInPoses), std::end(kNotInPoses), description.id) ==
              std::end(kNotInPoses);
+}
+
+// FAILED_PRECONDITION: the description without effects has no fit. A comparison about it would
+// compare numbers that are none, and find nothing.
+absl::Status CheckFit(const RecordedSet& set, const FitResult& null) {
+  if (std::isfinite(null.chi_squared) && null.covariance.allFinite()) return absl::OkStatus();
+  return absl::FailedPreconditionError(absl::StrCat(
+      set.description.name,
+      ": the recordings are too far from their description for a fit of its values; state more of "
+      "them, above all laser.power_w, laser.divergence_rad, exposure_time_s and f_number"));
 }
 
 std::vector<const Effect*> TermsToConsider(const RecordedSet& set) {
@@ -261,6 +272,7 @@ absl::StatusOr<v1::Diagnosis> Diagnose(const RecordedSet& set, const DiagnosisSe
   SetParameters start;
   start.line_shift_px = EstimateLineShifts(model, start);
   const FitResult null = FitSet(model, start, {}, {}, nullptr);
+  if (const absl::Status fitted = CheckFit(set, null); !fitted.ok()) return fitted;
 
   ComparisonSettings comparison_settings;
   std::erase_if(effects, [&](const Effect* effect) {

@@ -59,9 +59,16 @@ RecordedSet MakeRecordedSet(RecordingSet description, std::vector<Image<uint16_t
   return set;
 }
 
+double PowerDeviation(const SetupDeviation& uncertainty, double power_relative) {
+  constexpr double kNotStated = 1;
+  if (uncertainty.power_relative < kNotStated || power_relative >= 0) return power_relative;
+  return 1 / (1 - power_relative) - 1;
+}
+
 FrameSetup DeviatedFrame(const RecordedSet& set, int index, const SetupDeviation& deviation) {
   constexpr double kLeast = -0.9;
   SetupDeviation cut = deviation;
+  cut.power_relative = PowerDeviation(set.description.uncertainty, cut.power_relative);
   for (double* relative :
        {&cut.focus_distance_relative, &cut.f_number_relative, &cut.divergence_relative,
         &cut.power_relative, &cut.transmission_relative, &cut.diffuse_albedo_relative,

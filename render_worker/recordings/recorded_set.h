@@ -32,6 +32,11 @@ bool SameSpeckle(const RecordedFrame& a, const RecordedFrame& b);
 // `raw_dn`: one image for every recording, of its region's size; or none at all.
 RecordedSet MakeRecordedSet(RecordingSet description, std::vector<Image<uint16_t>> raw_dn);
 
+// Deviation of the power that a fitted number stands for: itself; where the power is not stated (a
+// relative uncertainty of 1 or more), numbers d below 0 stand for the factor 1/(1 - d), so that the
+// power stays positive and every number changes it.
+double PowerDeviation(const SetupDeviation& uncertainty, double power_relative);
+
 // Frame `index` as it would be with these deviations (true minus nominal; line_position_each_px is
 // the shift of its plate position). Deviations that make no sense are cut: f-number, distances and
 // powers stay above a tenth of nominal.

@@ -19,7 +19,7 @@ RecordingSet CalibratedSet(const RecordingSet& nominal, const FitResult& fit) {
       std::max(0.0, set.camera.dark_mean_electrons + d.dark_mean_electrons);
   set.camera.dark_noise_electrons *= 1 + d.dark_noise_relative;
   set.transmission = std::min(1.0, set.transmission * (1 + d.transmission_relative));
-  set.laser.power_w *= 1 + d.power_relative;
+  set.laser.power_w *= 1 + PowerDeviation(nominal.uncertainty, d.power_relative);
   set.laser.divergence_rad *= 1 + d.divergence_relative;
   set.laser.beam_focus_distance_m += d.beam_focus_distance_m;
   set.surface.diffuse_albedo =

@@ -77,7 +77,12 @@ void FiniteDifferences::DifferentiateSetup(const FitState& state, FitJacobian& j
       first_amount = i;
       Differentiate(state, origin, middle_only, i, jacobian);
     } else {
-      const double ratio = LogLightStep(state, i) / LogLightStep(state, first_amount);
+      const double reference = LogLightStep(state, first_amount);
+      if (reference == 0) {  // at a bound of the amount itself
+        Differentiate(state, origin, middle_only, i, jacobian);
+        continue;
+      }
+      const double ratio = LogLightStep(state, i) / reference;
       for (Eigen::MatrixXd& j : jacobian) j.col(i) = ratio * j.col(first_amount);
     }
   }

@@ -157,7 +157,7 @@ TEST(PosedPlates, UnknownLengthsFollowFromEachOther) {
   EXPECT_THAT(notes, ::testing::Contains(HasSubstr("camera.pixel_pitch_m is not stated")));
   EXPECT_THAT(notes, ::testing::Contains(HasSubstr("recordings[].exposure_time_s is not stated")));
   EXPECT_GE(message.uncertainty().power_relative(), 1);
-  EXPECT_GE(message.uncertainty().f_number_relative(), 0.3);
+  EXPECT_GE(message.uncertainty().f_number_relative(), 0.2);
   const auto set = ParseRecordings(message, "r.json");
   EXPECT_TRUE(set.ok()) << set.status();
 }

@@ -93,14 +93,11 @@ TEST_P(Reduction, ExpectsWhatTheTiltedPlateShows) {
     ++compared;
   }
   ASSERT_GE(compared, 24);
-  RecordProperty("worst_sum", std::to_string(worst_sum));
-  RecordProperty("worst_shape", std::to_string(worst_shape));
-  std::printf("sum %.4f centre %.3f px sigma %.4f shape %.4f mean of sums %.4f\n", worst_sum,
-              worst_centre, worst_sigma, worst_shape, total / compared);
-  EXPECT_LT(worst_sum, 0.01);
-  EXPECT_LT(worst_centre, 0.05);
+  EXPECT_LT(worst_sum, 0.005);
+  EXPECT_LT(std::abs(total / compared), 0.001);
+  EXPECT_LT(worst_centre, 0.02);
   EXPECT_LT(worst_sigma, 0.01);
-  EXPECT_LT(worst_shape, 0.015);
+  EXPECT_LT(worst_shape, 0.01);
 }
 
 INSTANTIATE_TEST_SUITE_P(BothWays, Reduction, testing::Bool());
@@ -133,7 +130,7 @@ TEST(ReducePosedPlates, RefusesFocalLengthsThatDoNotAgree) {
               testing::HasSubstr("must agree within 10 %"));
 }
 
-TEST(StartFromImages, FindsHeightAndWidthOfLinesAlsoWhereTheyAreClipped) {
+TEST(StartFromImages, FindsHeightAndWidthOfLinesAndTheirOrderWhereTheyAreClipped) {
   for (const double share : {0.4, 3.0}) {
     const RecordingSet set = PosedSet({.poses = 4, .crest_share = share});
     auto reduced = ReducePosedPlates(set, RenderPosedSet(set, {}, 1));
@@ -151,8 +148,11 @@ TEST(StartFromImages, FindsHeightAndWidthOfLinesAlsoWhereTheyAreClipped) {
     const auto width = [](const RecordingSet& s) {
       return ExpectLine(s, s.recordings[1]).width_px;
     };
-    EXPECT_NEAR(std::log(crest(start) / crest(reduced->set)), 0, share > 1 ? 0.5 : 0.15) << share;
-    EXPECT_NEAR(std::log(width(start) / width(reduced->set)), 0, share > 1 ? 0.3 : 0.2) << share;
+    // Dark speckles of a clipped line are not clipped: the mean of a row looks lower than it is.
+    EXPECT_NEAR(std::log(crest(start) / crest(reduced->set)), 0, share > 1 ? std::log(3.5) : 0.15)
+        << share;
+    EXPECT_NEAR(std::log(width(start) / width(reduced->set)), 0, share > 1 ? std::log(1.6) : 0.2)
+        << share;
   }
 }
 
