@@ -297,9 +297,8 @@ TEST(SharedErrors, DatumsOfASingleFrameJoinNothing) {
   }
   EXPECT_LT(errors.frames()[0].standard_uncertainty_m, 1e-9);
   EXPECT_GT(errors.frames()[1].standard_uncertainty_m, input.pose.position_m);
-  for (const FrameRegistration& frame : SharedErrors(Input(part)).frames()) {
-    EXPECT_TRUE(frame.joined);
-  }
+  const SharedErrors by_overlap(Input(part));
+  for (const FrameRegistration& frame : by_overlap.frames()) EXPECT_TRUE(frame.joined);
 }
 
 TEST(SharedErrors, OverlapAndInformationJoinFramesBetter) {
