@@ -14,15 +14,15 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr int kMostSteps = 60;
+constexpr int kMostZoneSteps = 60;
 constexpr int kMostHalvings = 30;
 // Half widths below this share of the cloud's extent are rounding of coordinates.
 constexpr double kCoordinateRounding = 1e-13;
 // Shares of the half width. Fits of a nearly cylindrical cone or of a short arc may end between the
 // two, since numbers of single parameters are then ill determined.
-constexpr double kConverged = 1e-9, kMostGap = 1e-5;
+constexpr double kConvergedGap = 1e-9, kMostGap = 1e-5;
 
-VectorXd DistancesAt(const NominalSurface& s, const std::vector<Vector3d>& points) {
+VectorXd ZoneDistances(const NominalSurface& s, const std::vector<Vector3d>& points) {
   VectorXd distances(static_cast<Eigen::Index>(points.size()));
   for (size_t i = 0; i < points.size(); ++i) {
     distances[static_cast<Eigen::Index>(i)] = SignedDistance(s, points[i]);
@@ -59,10 +59,10 @@ std::optional<MinimumZone> FitMinimumZone(SurfaceKind kind, std::span<const Vect
   if (!least_squares) return std::nullopt;
   const NormalisedCloud cloud(points_m);
   NominalSurface surface = cloud.Normalised(*least_squares);
-  VectorXd distances = DistancesAt(surface, cloud.points);
+  VectorXd distances = ZoneDistances(surface, cloud.points);
   double half_width = distances.cwiseAbs().maxCoeff();
   std::optional<ChebyshevFit> linear;
-  for (int step = 0; step < kMostSteps; ++step) {
+  for (int step = 0; step < kMostZoneSteps; ++step) {
     MovePointAlongAxis(surface);
     const SurfaceParameters parameters(surface);
     const auto count = static_cast<Eigen::Index>(parameters.used.size());
@@ -72,7 +72,7 @@ std::optional<MinimumZone> FitMinimumZone(SurfaceKind kind, std::span<const Vect
     differentiated.df(VectorXd::Zero(count), jacobian);
     linear = FitChebyshev(jacobian, distances);
     if (!linear) return std::nullopt;
-    if (half_width - linear->deviation <= kConverged * half_width + kCoordinateRounding) break;
+    if (half_width - linear->deviation <= kConvergedGap * half_width + kCoordinateRounding) break;
     bool narrower = false;
     double most = linear->coefficients.cwiseAbs().maxCoeff();
     VectorXd change = -linear->coefficients;
@@ -83,7 +83,7 @@ std::optional<MinimumZone> FitMinimumZone(SurfaceKind kind, std::span<const Vect
         change = -*shorter;
       }
       const NominalSurface moved = parameters.At(change);
-      const VectorXd there = DistancesAt(moved, cloud.points);
+      const VectorXd there = ZoneDistances(moved, cloud.points);
       narrower = there.cwiseAbs().maxCoeff() < half_width;
       if (!narrower) continue;
       surface = moved;

@@ -61,7 +61,7 @@ double RangeFrom(const NominalSurface& surface, const std::vector<Vector3d>& poi
   return high - low;
 }
 
-Points Moved(const Points& points, const Eigen::Isometry3d& motion, double scale) {
+Points MovedPoints(const Points& points, const Eigen::Isometry3d& motion, double scale) {
   Points moved;
   for (const Vector3d& p : points.points) moved.points.push_back(motion * Vector3d(scale * p));
   for (const Vector3d& n : points.normals) moved.normals.push_back(motion.linear() * n);
@@ -248,7 +248,7 @@ TEST(MinimumZone, LobedSurfacesHaveTwiceTheirAmplitude) {
   for (const SurfaceKind kind : kRound) {
     for (const int lobes : {3, 4, 6}) {
       const Points points = Lobed(kind, lobes, t);
-      const Points moved = Moved(points, SomeMotion(), 1);
+      const Points moved = MovedPoints(points, SomeMotion(), 1);
       const auto zone = FitMinimumZone(kind, moved.points, moved.normals);
       ASSERT_TRUE(zone) << SurfaceKindName(kind) << lobes;
       EXPECT_NEAR(zone->width_m, 2 * t, 1e-6 * t) << SurfaceKindName(kind) << " " << lobes;
@@ -295,7 +295,7 @@ TEST(MinimumZone, IsNarrowerThanLeastSquaresAndMovesWithThePoints) {
       EXPECT_LT(zone->width_m, RangeFrom(*gauss, points.points));
       EXPECT_GT(zone->width_m, t);
       for (const double scale : {1.0, 0.01, 100.0}) {
-        const Points moved = Moved(points, SomeMotion(), scale);
+        const Points moved = MovedPoints(points, SomeMotion(), scale);
         const auto there = FitMinimumZone(kind, moved.points, moved.normals);
         ASSERT_TRUE(there);
         EXPECT_NEAR(there->width_m / scale, zone->width_m, 1e-5 * zone->width_m)

@@ -47,7 +47,7 @@ struct FormFeature {
 };
 
 // 9 x 5 targets over 80 mm x 40 mm.
-FormFeature Plate(ToleranceKind kind) {
+FormFeature FormPlate(ToleranceKind kind) {
   FormFeature plate;
   plate.characteristic.kind = kind;
   plate.characteristic.elements.emplace_back().surface.kind = SurfaceKind::kPlane;
@@ -68,7 +68,7 @@ VectorXd Cubic(const FormFeature& plate, double t) {
   return h;
 }
 
-FormFeature Bore(ToleranceKind kind) {
+FormFeature FormBore(ToleranceKind kind) {
   FormFeature bore;
   bore.characteristic.kind = kind;
   NominalSurface& surface = bore.characteristic.elements.emplace_back().surface;
@@ -88,7 +88,7 @@ FormFeature Bore(ToleranceKind kind) {
 // targets. Least squares leaves more.
 TEST(ZoneOfCharacteristics, FlatnessOfACubic) {
   const double t = 1e-4;
-  const FormFeature plate = Plate(ToleranceKind::kFlatness);
+  const FormFeature plate = FormPlate(ToleranceKind::kFlatness);
   const VectorXd h = Cubic(plate, t);
   EXPECT_NEAR(plate.Form(Association::kChebyshev, h), 0.5 * t, 1e-15);
   // Slope sum x^4 / sum x^2 = 0.7375, and 2 (1 - 0.7375) is left at the ends.
@@ -104,17 +104,18 @@ TEST(ZoneOfCharacteristics, FlatnessOfACubic) {
 
 TEST(ZoneOfCharacteristics, ProfileWithoutDatumsIsTwiceTheLeastLargestDeviation) {
   const double t = 1e-4;
-  const FormFeature plate = Plate(ToleranceKind::kSurfaceProfile);
+  const FormFeature plate = FormPlate(ToleranceKind::kSurfaceProfile);
   EXPECT_NEAR(plate.Form(Association::kChebyshev, Cubic(plate, t)), 0.5 * t, 1e-15);
   // A bore that is too narrow is so wherever it lies: its size is not fitted, in contrast to form.
   const VectorXd narrow = VectorXd::Constant(96, 2e-5);
-  EXPECT_NEAR(Bore(ToleranceKind::kSurfaceProfile).Form(Association::kChebyshev, narrow), 4e-5,
+  EXPECT_NEAR(FormBore(ToleranceKind::kSurfaceProfile).Form(Association::kChebyshev, narrow), 4e-5,
               1e-12);
-  EXPECT_NEAR(Bore(ToleranceKind::kCylindricity).Form(Association::kChebyshev, narrow), 0, 1e-12);
+  EXPECT_NEAR(FormBore(ToleranceKind::kCylindricity).Form(Association::kChebyshev, narrow), 0,
+              1e-12);
 }
 
 TEST(ZoneOfCharacteristics, CylindricityIsThatOfThePoints) {
-  const FormFeature bore = Bore(ToleranceKind::kCylindricity);
+  const FormFeature bore = FormBore(ToleranceKind::kCylindricity);
   for (uint64_t seed = 1; seed <= 20; ++seed) {
     Random random(seed);
     VectorXd h(96);
@@ -135,8 +136,8 @@ TEST(ZoneOfCharacteristics, CylindricityIsThatOfThePoints) {
 }
 
 TEST(ZoneOfCharacteristics, TheWorstOfSeveralSurfacesCounts) {
-  FormFeature two = Plate(ToleranceKind::kFlatness);
-  const FormFeature other = Plate(ToleranceKind::kFlatness);
+  FormFeature two = FormPlate(ToleranceKind::kFlatness);
+  const FormFeature other = FormPlate(ToleranceKind::kFlatness);
   two.characteristic.elements.emplace_back().surface.kind = SurfaceKind::kPlane;
   for (const FeatureTarget& target : other.feature.targets) {
     two.characteristic.elements[1].targets.push_back(static_cast<int>(two.feature.targets.size()));
@@ -149,7 +150,7 @@ TEST(ZoneOfCharacteristics, TheWorstOfSeveralSurfacesCounts) {
 }
 
 TEST(ZoneOfCharacteristics, OthersAreRefused) {
-  FormFeature plate = Plate(ToleranceKind::kPosition);
+  FormFeature plate = FormPlate(ToleranceKind::kPosition);
   plate.characteristic.association = Association::kChebyshev;
   EXPECT_EQ(FitCharacteristic(plate.feature, plate.characteristic).status().code(),
             absl::StatusCode::kUnimplemented);
@@ -166,7 +167,7 @@ TEST(ZoneOfCharacteristics, OthersAreRefused) {
 TEST(ZoneOfCharacteristics, UncertaintyAgainstDraws) {
   constexpr int kDraws = 4000;
   for (const ToleranceKind kind : {ToleranceKind::kFlatness, ToleranceKind::kSurfaceProfile}) {
-    const FormFeature plate = Plate(kind);
+    const FormFeature plate = FormPlate(kind);
     for (const Association association : {Association::kGauss, Association::kChebyshev}) {
       if (kind == ToleranceKind::kSurfaceProfile && association == Association::kGauss) continue;
       const CharacteristicFit fit = plate.Fit(association);
@@ -206,7 +207,7 @@ TEST(ZoneOfCharacteristics, UncertaintyAgainstDraws) {
 // The weights of the touching points as sensitivities: right for form far above the errors where
 // one set of points touches.
 TEST(ZoneOfCharacteristics, WeightsPropagateErrorsOfLargeForm) {
-  const FormFeature plate = Plate(ToleranceKind::kFlatness);
+  const FormFeature plate = FormPlate(ToleranceKind::kFlatness);
   const CharacteristicFit fit = plate.Fit(Association::kChebyshev);
   Random random(4);
   VectorXd form(45);
@@ -242,7 +243,7 @@ TEST(ZoneOfCharacteristics, WeightsPropagateErrorsOfLargeForm) {
 }
 
 TEST(ZoneOfCharacteristics, MeasuredValueAndVerdictOfAPlan) {
-  const FormFeature plate = Plate(ToleranceKind::kFlatness);
+  const FormFeature plate = FormPlate(ToleranceKind::kFlatness);
   const CharacteristicFit fit = plate.Fit(Association::kChebyshev);
   const VectorXd h = Cubic(plate, 1e-3);
   const auto narrow = EvaluateMeasured(plate.feature, fit, h, {.width_m = 3e-4});
@@ -273,7 +274,7 @@ TEST(ZoneOfCharacteristics, MeasuredValueAndVerdictOfAPlan) {
 TEST(ZoneOfCharacteristics, DecisionsErrAsSeldomAsTheySay) {
   constexpr int kMeasurements = 400;
   for (const ToleranceKind kind : {ToleranceKind::kFlatness, ToleranceKind::kSurfaceProfile}) {
-    const FormFeature plate = Plate(kind);
+    const FormFeature plate = FormPlate(kind);
     const CharacteristicFit fit = plate.Fit(Association::kChebyshev);
     const auto predicted = PredictUncertainty(plate.feature, fit.fit, fit.measurand);
     ASSERT_TRUE(predicted.ok()) << predicted.status();
