@@ -43,8 +43,7 @@ absl::StatusOr<std::string> EncodeRawPng(const Image<uint16_t>& raw_dn, int file
   std::string file, reason;
   const size_t row_bytes =
       static_cast<size_t>(raw_dn.columns_px) * static_cast<size_t>(file_bits / 8);
-  png_structp png =
-      png_create_write_struct(PNG_LIBPNG_VER_STRING, &reason, KeepReason, Ignore);
+  png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &reason, KeepReason, Ignore);
   png_infop info = png == nullptr ? nullptr : png_create_info_struct(png);
   if (info == nullptr) {
     png_destroy_write_struct(&png, nullptr);

@@ -69,8 +69,7 @@ std::optional<LinePlace> PlaceOfLine(const TargetCamera& camera, const PlateLine
     const double off = along_px - AlongAcross(image, along_columns).x();
     if (!std::isfinite(off)) return std::nullopt;
     if (std::abs(off) < kConverged_px) return LinePlace{point, image};
-    const double slope =
-        AlongAcross(ImageOf(camera, point, line.direction), along_columns).x();
+    const double slope = AlongAcross(ImageOf(camera, point, line.direction), along_columns).x();
     if (slope == 0) return std::nullopt;
     // Steps are bounded, so that an iteration far from the image does not leave it for good.
     const double limit_m = 0.5 * point.z();
@@ -90,10 +89,9 @@ absl::StatusOr<ObliqueView> ViewOfLine(const TargetCamera& camera, const LaserSh
                                        const Eigen::Vector3d& point_m) {
   // Light from far away comes as steeply as the laser plane allows.
   const Eigen::Vector3d& n = sheet.normal;
-  const Eigen::Vector3d to_laser =
-      (sheet.origin_m ? (*sheet.origin_m - point_m).eval()
-                      : (line.normal - n.dot(line.normal) * n).eval())
-          .normalized();
+  const Eigen::Vector3d to_laser = (sheet.origin_m ? (*sheet.origin_m - point_m).eval()
+                                                   : (line.normal - n.dot(line.normal) * n).eval())
+                                       .normalized();
   const Eigen::Vector3d to_camera = -point_m.normalized();
   const double incidence_cosine = to_laser.dot(line.normal);
   ObliqueView view;
@@ -111,8 +109,7 @@ absl::StatusOr<ObliqueView> ViewOfLine(const TargetCamera& camera, const LaserSh
   view.half_ray_cosine = half.dot(to_camera);
   // A step s across the line moves its image, at a fixed place along the image, by rho s. A plate
   // perpendicular to the axis has f/z instead of rho [px/m].
-  const Eigen::Vector2d across =
-      AlongAcross(ImageOf(camera, point_m, line.across), along_columns);
+  const Eigen::Vector2d across = AlongAcross(ImageOf(camera, point_m, line.across), along_columns);
   const Eigen::Vector2d along =
       AlongAcross(ImageOf(camera, point_m, line.direction), along_columns);
   const double rho = std::abs(across.y() - across.x() * along.y() / along.x());

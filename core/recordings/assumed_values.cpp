@@ -218,7 +218,8 @@ class Completion {
       camera->set_pixel_pitch_m(kPixelPitch_m);
       notes_.push_back(absl::StrFormat(
           "camera.pixel_pitch_m is not stated: %.4g m is assumed. Geometry and brightness do not "
-          "depend on it; size of speckle and diffraction do, so that wavelength and f-number cannot "
+          "depend on it; size of speckle and diffraction do, so that wavelength and f-number "
+          "cannot "
           "be told",
           kPixelPitch_m));
       Widen("f_number_relative", kFNumberRelative);
@@ -262,8 +263,7 @@ class Completion {
     for (const v1::Recording& recording : message_->recordings()) {
       if (!recording.plate_pose().has_translation_m()) continue;
       const v1::Vector3& t = recording.plate_pose().translation_m();
-      distances_m.push_back(
-          std::hypot(t.x() - origin.x(), t.y() - origin.y(), t.z() - origin.z()));
+      distances_m.push_back(std::hypot(t.x() - origin.x(), t.y() - origin.y(), t.z() - origin.z()));
     }
     return std::clamp(UpperMedian(std::move(distances_m)), 1e-3, 100.0);
   }

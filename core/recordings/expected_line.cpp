@@ -27,9 +27,8 @@ double DiffractionTransfer(double s) {
 // The view along the plate's normal of version 1.
 ObliqueView PerpendicularView(double incidence_rad) {
   const double half = std::cos(incidence_rad / 2);
-  return {.incidence_angle_rad = incidence_rad,
-          .half_normal_cosine = half,
-          .half_ray_cosine = half};
+  return {
+      .incidence_angle_rad = incidence_rad, .half_normal_cosine = half, .half_ray_cosine = half};
 }
 
 }  // namespace
@@ -43,8 +42,7 @@ ExpectedLine ExpectLine(const RecordingSet& set, const RecordedImage& image) {
   const double b = 1 / (1 / f - 1 / image.focus_distance_m);
   const double plate_b = 1 / (1 / f - 1 / image.camera_distance_m);
   const double magnification = b / image.camera_distance_m;
-  const ObliqueView view =
-      image.view ? *image.view : PerpendicularView(set.incidence_angle_rad);
+  const ObliqueView view = image.view ? *image.view : PerpendicularView(set.incidence_angle_rad);
   const double cosine = std::cos(view.incidence_angle_rad);
 
   ExpectedLine line;
@@ -66,11 +64,11 @@ ExpectedLine ExpectLine(const RecordingSet& set, const RecordedImage& image) {
   const double u = (image.roi_column_px + image.roi_columns_px / 2.0) * pitch;
   const double v = magnification * image.line_offset_m;
   const double cos_squared = 1 / (1 + (u * u + v * v) / (b * b));
-  const double irradiance_m =
-      set.laser.power_w / length * view.width_factor *
-      ObliqueBrdf(set.surface.diffuse_albedo, set.surface.specular_f0, set.surface.ggx_alpha,
-                  view) *
-      pi / 4 * set.transmission * (pupil / b) * (pupil / b) * cos_squared * cos_squared * magnification;
+  const double irradiance_m = set.laser.power_w / length * view.width_factor *
+                              ObliqueBrdf(set.surface.diffuse_albedo, set.surface.specular_f0,
+                                          set.surface.ggx_alpha, view) *
+                              pi / 4 * set.transmission * (pupil / b) * (pupil / b) * cos_squared *
+                              cos_squared * magnification;
   const double photons =
       irradiance_m * pitch * image.exposure_time_s * lambda / (kPlanck_j_s * kSpeedOfLight_m_per_s);
   for (int channel = 0; channel < sensor.channels(); ++channel) {

@@ -165,9 +165,8 @@ void AddImage(const Image<uint16_t>& image, double full_dn, LevelNoise* noise) {
       if (level < 1 || std::max({values[c - 1], values[c], values[c + 1]}) > 0.85 * full_dn) {
         continue;
       }
-      LevelSums& bin =
-          (*noise)[static_cast<size_t>(std::min(static_cast<int>(2 * std::log2(level)),
-                                                kLevelBins - 1))];
+      LevelSums& bin = (*noise)[static_cast<size_t>(
+          std::min(static_cast<int>(2 * std::log2(level)), kLevelBins - 1))];
       bin.count += 1;
       bin.level += level;
       bin.variance += second * second / kSecondDifference;
@@ -210,7 +209,8 @@ std::optional<SingleImageNoise> MeasureSingleImageNoise(const RecordingSet& set,
     LevelNoise sum{};
     for (int g = 0; g < group_count; ++g) {
       if (g == left_out) continue;
-      for (size_t bin = 0; bin < sum.size(); ++bin) sum[bin].Add(groups[static_cast<size_t>(g)][bin]);
+      for (size_t bin = 0; bin < sum.size(); ++bin)
+        sum[bin].Add(groups[static_cast<size_t>(g)][bin]);
     }
     return ExponentOf(sum);
   };

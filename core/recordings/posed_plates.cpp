@@ -44,9 +44,10 @@ absl::StatusOr<LaserSheet> ParseSheet(const v1::Recordings& message, const Check
     sheet.origin_m = VectorOf(plane.origin_m());
     const double off_m = sheet.normal.dot(*sheet.origin_m) - sheet.offset_m;
     if (!(std::abs(off_m) <= kOffPlane_m)) {
-      return check.Error("laser_plane.origin_m",
-                         absl::StrFormat("is %.4g mm off the laser plane, must be in it within 1 mm",
-                                         1e3 * off_m));
+      return check.Error(
+          "laser_plane.origin_m",
+          absl::StrFormat("is %.4g mm off the laser plane, must be in it within 1 mm",
+                          1e3 * off_m));
     }
   }
   return sheet;
@@ -70,14 +71,14 @@ absl::StatusOr<PosedPlates> ParsePosedPlates(const v1::Recordings& message, cons
   SIGHTLINE_RETURN_IF_ERROR(CheckNumber(
       check, "pixel_camera.principal_point_column_px", c.has_principal_point_column_px(),
       c.principal_point_column_px(), {-0.5 * columns, 1.5 * columns, " px"}));
-  SIGHTLINE_RETURN_IF_ERROR(
-      CheckNumber(check, "pixel_camera.principal_point_row_px", c.has_principal_point_row_px(),
-                  c.principal_point_row_px(), {-0.5 * rows, 1.5 * rows, " px"}));
+  SIGHTLINE_RETURN_IF_ERROR(CheckNumber(check, "pixel_camera.principal_point_row_px",
+                                        c.has_principal_point_row_px(), c.principal_point_row_px(),
+                                        {-0.5 * rows, 1.5 * rows, " px"}));
   const v1::Lens::Distortion& d = c.distortion();
   for (const auto& [name, value] :
        {std::pair("k1", d.k1()), {"k2", d.k2()}, {"k3", d.k3()}, {"p1", d.p1()}, {"p2", d.p2()}}) {
-    SIGHTLINE_RETURN_IF_ERROR(check.Range(absl::StrCat("pixel_camera.distortion.", name), value,
-                                          {-10, 10, ""}));
+    SIGHTLINE_RETURN_IF_ERROR(
+        check.Range(absl::StrCat("pixel_camera.distortion.", name), value, {-10, 10, ""}));
   }
   PosedPlates posed;
   posed.camera = {.fx = c.focal_length_px(),
@@ -139,14 +140,13 @@ absl::StatusOr<LineInRegion> FindLineInRegion(const PosedPlates& posed, const Se
       posed.camera.Ray({0.5 * (first_column + last_column), 0.5 * (first_row + last_row)});
   const double towards = found.line.normal.dot(ray);
   const Eigen::Vector3d middle_m = ray * (found.line.normal.dot(found.line.point_m) / towards);
-  found.start_m = found.line.point_m + found.line.direction *
-                                           found.line.direction.dot(middle_m - found.line.point_m);
+  found.start_m = found.line.point_m +
+                  found.line.direction * found.line.direction.dot(middle_m - found.line.point_m);
   const absl::Status misses = absl::InvalidArgumentError(
       "the line of the laser plane on the plate lies outside of the region of interest");
   if (!(towards < 0) || !(found.start_m.z() > 0)) return misses;
   found.along_columns = RunsAlongColumns(posed.camera, found.line, found.start_m);
-  const int first =
-      static_cast<int>(found.along_columns ? first_row : first_column);
+  const int first = static_cast<int>(found.along_columns ? first_row : first_column);
   const int last = static_cast<int>(found.along_columns ? last_row : last_column) + 1;
   const double low = found.along_columns ? first_column : first_row;
   const double high = found.along_columns ? last_column : last_row;
@@ -165,9 +165,9 @@ absl::StatusOr<LineInRegion> FindLineInRegion(const PosedPlates& posed, const Se
                                   0.5 * (found.first_px + found.last_px), found.start_m);
   if (!middle) return misses;
   found.start_m = middle->point_m;
-  SIGHTLINE_RETURN_IF_ERROR(ViewOfLine(posed.camera, posed.sheet, found.line, found.along_columns,
-                                       found.start_m)
-                                .status());
+  SIGHTLINE_RETURN_IF_ERROR(
+      ViewOfLine(posed.camera, posed.sheet, found.line, found.along_columns, found.start_m)
+          .status());
   return found;
 }
 

@@ -37,8 +37,8 @@ absl::Status CheckLineInRegion(const PosedPlates& posed, const Sensor& sensor,
 struct LineInRegion {
   PlateLine line;
   bool along_columns = false;
-  int first_px = 0, last_px = 0;     // one past the last
-  Eigen::Vector3d start_m;           // a point of the line near the middle of the region
+  int first_px = 0, last_px = 0;  // one past the last
+  Eigen::Vector3d start_m;        // a point of the line near the middle of the region
 };
 // Errors as CheckLineInRegion, without path.
 absl::StatusOr<LineInRegion> FindLineInRegion(const PosedPlates& posed, const Sensor& sensor,

@@ -179,15 +179,15 @@ absl::StatusOr<RecordedImage> ParseImage(const v1::Recording& m, int version, co
   if (!m.has_same_speckle()) return check.Error(path + ".same_speckle", "is missing");
   if (version == 3) {
     if (image.burst_frame_index > 0) {
-      return check.Error(path + ".burst_frame_index",
-                         absl::StrCat("is ", image.burst_frame_index,
-                                      ", must be 0 in format_version 3"));
+      return check.Error(
+          path + ".burst_frame_index",
+          absl::StrCat("is ", image.burst_frame_index, ", must be 0 in format_version 3"));
     }
     SIGHTLINE_RETURN_IF_ERROR(fields.Number("focus_distance_m", m.has_focus_distance_m(),
                                             m.focus_distance_m(), kDistance,
                                             &image.focus_distance_m));
-    SIGHTLINE_RETURN_IF_ERROR(fields.Integer("repeat_group", m.has_repeat_group(),
-                                             m.repeat_group(), kCount, &image.repeat_group));
+    SIGHTLINE_RETURN_IF_ERROR(fields.Integer("repeat_group", m.has_repeat_group(), m.repeat_group(),
+                                             kCount, &image.repeat_group));
     return image;
   }
   SIGHTLINE_RETURN_IF_ERROR(fields.Number("camera_distance_m", m.has_camera_distance_m(),
@@ -468,9 +468,8 @@ void SetPosedImage(const RecordedImage& image, v1::Recording* m) {
   m->set_same_speckle(image.same_speckle);
   m->set_burst_frame_index(image.burst_frame_index);
   m->set_repeat_group(image.repeat_group);
-  const ImagePart part = image.part_of_image.value_or(
-      ImagePart{image.file, image.roi_column_px, image.roi_row_px, image.roi_columns_px,
-                image.roi_rows_px});
+  const ImagePart part = image.part_of_image.value_or(ImagePart{
+      image.file, image.roi_column_px, image.roi_row_px, image.roi_columns_px, image.roi_rows_px});
   m->set_file(part.file);
   m->set_roi_column_px(part.column_px);
   m->set_roi_row_px(part.row_px);

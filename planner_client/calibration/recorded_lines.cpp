@@ -61,8 +61,8 @@ struct Square {
 
 Square SquareOf(const TargetBoard& board, const Eigen::Vector2d& on_board) {
   const Eigen::Vector2d place =
-      on_board / board.square_m + 0.5 * Eigen::Vector2d(board.inner_corners_x - 1,
-                                                        board.inner_corners_y - 1);
+      on_board / board.square_m +
+      0.5 * Eigen::Vector2d(board.inner_corners_x - 1, board.inner_corners_y - 1);
   const double x = std::floor(place.x()), y = std::floor(place.y());
   return {static_cast<int>(x), static_cast<int>(y), place.x() - x, place.y() - y};
 }
@@ -98,8 +98,7 @@ bool OddIsDark(const Frame& frame) {
           frame.plate_in_camera * Eigen::Vector3d(middle.x(), middle.y(), 0));
       const auto column = static_cast<int>(std::lround(pixel.x()));
       const auto row = static_cast<int>(std::lround(pixel.y()));
-      if (column < 0 || row < 0 || column >= frame.image.columns_px ||
-          row >= frame.image.rows_px) {
+      if (column < 0 || row < 0 || column >= frame.image.columns_px || row >= frame.image.rows_px) {
         continue;
       }
       const int odd = (x + y) % 2;
@@ -142,8 +141,7 @@ std::vector<bool> UsableOf(const Frame& frame) {
   const double usual[2] = {UpperMedian(sides[0]), UpperMedian(sides[1])};
   for (int along = 0; along < frame.length(); ++along) {
     if (!usable[static_cast<size_t>(along)]) continue;
-    const int centre =
-        static_cast<int>(std::lround(*frame.across_px[static_cast<size_t>(along)]));
+    const int centre = static_cast<int>(std::lround(*frame.across_px[static_cast<size_t>(along)]));
     for (const int s : {0, 1}) {
       const double mean = SideMean(frame, along, centre, 2 * s - 1);
       if (mean > kUnusual * usual[s] || mean < usual[s] / kUnusual) {
@@ -229,7 +227,8 @@ absl::Status AddPieces(const Frame& frame, const std::string& name, int position
                        int last, std::vector<double>* off_px, RecordedLines* lines) {
   const int count = (last - first + kPiecePx - 1) / kPiecePx;
   for (int k = 0; k < count; ++k) {
-    const int from = first + k * (last - first) / count, to = first + (k + 1) * (last - first) / count;
+    const int from = first + k * (last - first) / count,
+              to = first + (k + 1) * (last - first) / count;
     if (to - from < kShortestPx) continue;
     int low = frame.width(), high = 0;
     for (int along = from; along < to; ++along) {
@@ -292,8 +291,7 @@ absl::StatusOr<RecordedLines> RecordedLinesOf(const CalibrationSet& set,
     if (lines.images.empty() && lines.recordings.format().empty()) {
       lines.recordings = DescriptionOf(set, result, posed, image->file_bits);
     }
-    const double saturation_dn =
-        set.saturation_dn.value_or(std::ldexp(1.0, image->file_bits) - 1);
+    const double saturation_dn = set.saturation_dn.value_or(std::ldexp(1.0, image->file_bits) - 1);
     Frame frame{image->raw_dn, saturation_dn, set.board, posed, pose};
     RecordedImage whole;
     whole.plate_in_camera = pose;
@@ -306,8 +304,8 @@ absl::StatusOr<RecordedLines> RecordedLinesOf(const CalibrationSet& set,
     frame.along_columns = line->along_columns;
     frame.across_px.resize(static_cast<size_t>(frame.length()));
     for (int along = line->first_px; along < line->last_px; ++along) {
-      const auto place = PlaceOfLine(posed.camera, line->line, line->along_columns, along,
-                                     line->start_m);
+      const auto place =
+          PlaceOfLine(posed.camera, line->line, line->along_columns, along, line->start_m);
       if (!place) continue;
       frame.across_px[static_cast<size_t>(along)] =
           line->along_columns ? place->image_px.x() : place->image_px.y();
@@ -327,8 +325,8 @@ absl::StatusOr<RecordedLines> RecordedLinesOf(const CalibrationSet& set,
     }
   }
   if (lines.images.empty()) {
-    return absl::InvalidArgumentError(
-        set.file + ": no frame shows the light plate alone beside its line");
+    return absl::InvalidArgumentError(set.file +
+                                      ": no frame shows the light plate alone beside its line");
   }
   double square = 0;
   for (const double off : off_px) square += off * off / static_cast<double>(off_px.size());

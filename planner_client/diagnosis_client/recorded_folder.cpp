@@ -31,11 +31,10 @@ absl::StatusOr<RecordedFolder> ReadRecordedFolder(const std::string& path, Shown
   status = ParseRecordings(set.recordings, set.description_file).status();
   if (!status.ok()) return status;
   if (shown == Shown::kPlate && set.recordings.format_version() != 1) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(set.description_file, ": format_version is ", set.recordings.format_version(),
-                     set.recordings.format_version() == 2 ? " (images of a part)"
-                                                          : " (plates in poses)",
-                     ", must be 1: laser lines on a flat plate"));
+    return absl::InvalidArgumentError(absl::StrCat(
+        set.description_file, ": format_version is ", set.recordings.format_version(),
+        set.recordings.format_version() == 2 ? " (images of a part)" : " (plates in poses)",
+        ", must be 1: laser lines on a flat plate"));
   }
   std::vector<ListedImage> listed;
   for (const v1::Recording& recording : set.recordings.recordings()) {

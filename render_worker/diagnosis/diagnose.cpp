@@ -56,19 +56,18 @@ absl::Status CheckEnough(const RecordedSet& set) {
 // columns are shifted and may be transposed, so that rows and columns of the sensor are lost. The
 // shape and the place of the line are those of the poses.
 constexpr std::string_view kNotInPoses[] = {
-    "geometry.camera_roll",        "geometry.laser_roll",     "illumination.line_bow",
-    "sensor.column_gain",          "sensor.row_noise",        "sensor.dsnu_column_pattern",
-    "sensor.rolling_shutter",      "sensor.smear",            "surface.curved_plate",
-    "surface.tilted_plate",        "unknown.cell_gain",       "unknown.column_trail",
-    "unknown.keystone",            "unknown.line_noise",      "unknown.line_place",
-    "unknown.readout_lag",         "unknown.row_memory",
+    "geometry.camera_roll",   "geometry.laser_roll", "illumination.line_bow",
+    "sensor.column_gain",     "sensor.row_noise",    "sensor.dsnu_column_pattern",
+    "sensor.rolling_shutter", "sensor.smear",        "surface.curved_plate",
+    "surface.tilted_plate",   "unknown.cell_gain",   "unknown.column_trail",
+    "unknown.keystone",       "unknown.line_noise",  "unknown.line_place",
+    "unknown.readout_lag",    "unknown.row_memory",
 };
 
 bool CanShow(const RecordedSet& set, const EffectDescription& description) {
   if (!description.plates_can_show_it) return false;
-  return !set.description.posed ||
-         std::find(std::begin(kNotInPoses), std::end(kNotInPoses), description.id) ==
-             std::end(kNotInPoses);
+  return !set.description.posed || std::find(std::begin(kNotInPoses), std::end(kNotInPoses),
+                                             description.id) == std::end(kNotInPoses);
 }
 
 // FAILED_PRECONDITION: the description without effects has no fit. A comparison about it would
@@ -83,8 +82,7 @@ absl::Status CheckFit(const RecordedSet& set, const FitResult& null) {
 
 std::vector<const Effect*> TermsToConsider(const RecordedSet& set) {
   std::vector<const Effect*> terms(FreeFormTerms().begin(), FreeFormTerms().end());
-  std::erase_if(terms,
-                [&](const Effect* term) { return !CanShow(set, term->description()); });
+  std::erase_if(terms, [&](const Effect* term) { return !CanShow(set, term->description()); });
   return terms;
 }
 

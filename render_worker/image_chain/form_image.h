@@ -54,8 +54,8 @@ absl::StatusOr<FormedImage> FormImage(IdealImage image, const FrameSetup& frame,
                                       const SpeckleModel& speckle,
                                       const Image<double>* previous_mean_electrons, int threads);
 
-// A plate, from scene to raw numbers. `make_scene`: the plate of a frame as ApplyFrameEffects leaves
-// it, before the effects on plates.
+// A plate, from scene to raw numbers. `make_scene`: the plate of a frame as ApplyFrameEffects
+// leaves it, before the effects on plates.
 absl::StatusOr<FormedImage> RenderPlateFrame(
     const FrameSetup& nominal, std::span<const ActiveEffect> effects,
     const Image<double>* previous_mean_electrons, int threads,

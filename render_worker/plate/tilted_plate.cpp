@@ -13,8 +13,7 @@ PlateScene MakeTiltedPlateScene(const FrameSetup& frame, const TargetCamera& cam
   const Eigen::Vector3d normal = line.normal, origin = *sheet.origin_m;
   // RenderPlate has x and s as camera coordinates x and y at the depth of the point.
   const auto point_at = [=](double x_m, double s_m) {
-    return Eigen::Vector3d(x_m, s_m,
-                           (offset_m - normal.x() * x_m - normal.y() * s_m) / normal.z());
+    return Eigen::Vector3d(x_m, s_m, (offset_m - normal.x() * x_m - normal.y() * s_m) / normal.z());
   };
   PlateScene scene;
   scene.constant_along_line = false;
@@ -43,8 +42,7 @@ PlateScene MakeTiltedPlateScene(const FrameSetup& frame, const TargetCamera& cam
   const double pitch = frame.sensor.pixel_pitch_m, image_m = frame.ImageDistance();
   const Eigen::Vector2d middle(frame.sensor.columns_px / 2, frame.sensor.rows_px / 2);
   scene.image_mapping = [=](SensorPoint seen) {
-    const Eigen::Vector3d ray =
-        camera.Ray(middle + Eigen::Vector2d(seen.u_m, seen.v_m) / pitch);
+    const Eigen::Vector3d ray = camera.Ray(middle + Eigen::Vector2d(seen.u_m, seen.v_m) / pitch);
     return SensorPoint{image_m * ray.x(), image_m * ray.y()};
   };
   return scene;

@@ -325,8 +325,7 @@ class PlateTask final : public RenderTask {
     if (!set.ok()) return set.status();
     set_ = *std::move(set);
     if (set_.format_version == 2) {
-      return InvalidFields(
-          {{"plate.recordings.format_version", "is 2, must be 1 or 3: a plate"}});
+      return InvalidFields({{"plate.recordings.format_version", "is 2, must be 1 or 3: a plate"}});
     }
     if (set_.posed && !set_.posed->sheet.origin_m) {
       return InvalidFields({{"plate.recordings.laser_plane.origin_m",
@@ -390,9 +389,9 @@ class PlateTask final : public RenderTask {
                           absl::StrCat("image ", i + 1, " of ", frames()));
       }
       const FrameSetup frame = PlateFrame(set_, i, options_);
-      auto image = RenderPlateFrame(frame, effects_,
-                                    frame.burst_frame_index > 0 ? &previous : nullptr,
-                                    hooks.threads, PlateOf(set_, i));
+      auto image =
+          RenderPlateFrame(frame, effects_, frame.burst_frame_index > 0 ? &previous : nullptr,
+                           hooks.threads, PlateOf(set_, i));
       if (!image.ok()) return image.status();
       if (Cancelled(hooks)) return absl::CancelledError("cancelled");
       if (!finished) {

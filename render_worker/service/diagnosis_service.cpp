@@ -205,8 +205,7 @@ DiagnosisServiceImpl::CheckPlate(const v1::RecordedSetSource& source, Missing mi
   if (version == 2 || (version == 3 && missing == Missing::kError)) {
     return InvalidFields(
         {{"source.recordings.format_version",
-          absl::StrCat("is ", version,
-                       version == 2 ? " (images of a part)" : " (plates in poses)",
+          absl::StrCat("is ", version, version == 2 ? " (images of a part)" : " (plates in poses)",
                        ", must be 1: laser lines on a flat plate")}});
   }
   auto set = Check(source, missing, stop);

@@ -221,7 +221,8 @@ void RecordingChecks::CheckGamma() {
   }
   const double b = noise->exponent, error = noise->standard_error;
   const std::string measured = absl::StrFormat(
-      "gamma: the variance of the noise in single images grows as level^%.2f (standard error %.2f); "
+      "gamma: the variance of the noise in single images grows as level^%.2f (standard error "
+      "%.2f); "
       "shot noise has 1 in raw numbers and 2 - g with a gamma of g",
       b, error);
   if (b + 2 * error < kBetween) {
@@ -229,10 +230,11 @@ void RecordingChecks::CheckGamma() {
                           2 - b),
           "", {});
   } else if (b - 2 * error > kShotNoise) {
-    Warning(measured +
-                ": more than shot noise, by speckle or texture, which have 2 with any gamma, so that "
-                "it cannot be told whether the numbers are raw",
-            "", {});
+    Warning(
+        measured +
+            ": more than shot noise, by speckle or texture, which have 2 with any gamma, so that "
+            "it cannot be told whether the numbers are raw",
+        "", {});
   } else if (b - 2 * error > kBetween) {
     Warning(measured + ": they are taken as raw", "", {});
   } else {

@@ -59,8 +59,8 @@ std::vector<Segment> SegmentsOf(const TargetCamera& camera, const LineInRegion& 
       if (!complete) break;
       segment.across_px.push_back(line.along_columns ? place->image_px.x() : place->image_px.y());
     }
-    const auto middle = PlaceOfLine(camera, line.line, line.along_columns,
-                                    0.5 * (first + last - 1), line.start_m);
+    const auto middle =
+        PlaceOfLine(camera, line.line, line.along_columns, 0.5 * (first + last - 1), line.start_m);
     if (!complete || !middle) continue;
     segment.middle_m = middle->point_m;
     segments.push_back(std::move(segment));
@@ -138,10 +138,10 @@ class Reduction {
             absl::StrCat("recordings[", i, "].plate_pose: ", line.status().message()));
       }
       if (first && line->along_columns != along_columns_) {
-        return absl::InvalidArgumentError(absl::StrCat(
-            "recordings[", i, "].plate_pose: the line runs along the ",
-            line->along_columns ? "columns" : "rows", ", that of recordings[", *first,
-            "] along the ", along_columns_ ? "columns" : "rows", ": divide the set"));
+        return absl::InvalidArgumentError(
+            absl::StrCat("recordings[", i, "].plate_pose: the line runs along the ",
+                         line->along_columns ? "columns" : "rows", ", that of recordings[", *first,
+                         "] along the ", along_columns_ ? "columns" : "rows", ": divide the set"));
       }
       if (!first) first = i;
       along_columns_ = line->along_columns;
@@ -186,8 +186,8 @@ class Reduction {
     const std::vector<Segment> segments = SegmentsOf(camera(), line);
     for (size_t k = 0; k < segments.size(); ++k) {
       const Segment& segment = segments[k];
-      auto view = ViewOfLine(camera(), posed_.posed->sheet, line.line, along_columns_,
-                             segment.middle_m);
+      auto view =
+          ViewOfLine(camera(), posed_.posed->sheet, line.line, along_columns_, segment.middle_m);
       if (!view.ok()) {
         LeaveOut(image, segment, std::string(view.status().message()));
         continue;
@@ -206,8 +206,7 @@ class Reduction {
       }
       view->row_variance_px2 = square - offset * offset;
       const int above = std::min(kSegmentReachPx, lowest - region.across);
-      const int below =
-          std::min(kSegmentReachPx, region.across + region.across_px - 1 - highest);
+      const int below = std::min(kSegmentReachPx, region.across + region.across_px - 1 - highest);
       if (std::min(above, below) < kLeastReachPx) {
         LeaveOut(image, segment, "the line is too near the edge of the region of interest");
         continue;
@@ -226,8 +225,7 @@ class Reduction {
       const double along_centre = along_columns_ ? camera().cy : camera().cx;
       const double across_centre = along_columns_ ? camera().cx : camera().cy;
       const int across_origin = static_cast<int>(std::lround(across_centre));
-      reduced.roi_column_px =
-          segment.first_px - static_cast<int>(std::lround(along_centre));
+      reduced.roi_column_px = segment.first_px - static_cast<int>(std::lround(along_centre));
       reduced.roi_row_px = centre[centre.size() / 2] - above - across_origin;
       reduced.roi_columns_px = static_cast<int>(segment.across_px.size());
       reduced.roi_rows_px = above + below + 1;
@@ -263,9 +261,8 @@ class Reduction {
           std::pair(image.plate_position_id.value_or(-1), -1), positions_.size());
       reduced.plate_position_id = static_cast<int>(position->second);
     }
-    Add(std::move(reduced), i, [&](const Image<uint16_t>& raw) {
-      return along_columns_ ? Transposed(raw) : raw;
-    });
+    Add(std::move(reduced), i,
+        [&](const Image<uint16_t>& raw) { return along_columns_ ? Transposed(raw) : raw; });
   }
 
   RecordedImage Common(const RecordedImage& image, double depth_m) const {

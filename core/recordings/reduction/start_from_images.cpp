@@ -58,12 +58,10 @@ std::optional<SeenProfile> ProfileOf(const Image<uint16_t>& image, double larges
   const double clipped_px = WidthAbove(profile, peak, clip_dn);
   const double half_px = WidthAbove(profile, peak, 0.5 * clip_dn);
   // Widths of a Gaussian of height A at the levels c and c/2: w^2 = 8 sigma^2 log(A / level).
-  const double variance =
-      (half_px * half_px - clipped_px * clipped_px) / (8 * std::log(2.0));
+  const double variance = (half_px * half_px - clipped_px * clipped_px) / (8 * std::log(2.0));
   const double least = clipped_px * clipped_px / (8 * std::log(kMostOverClip));
   const double sigma2 = std::max(variance, least);
-  return SeenProfile{clip_dn * std::exp(clipped_px * clipped_px / (8 * sigma2)),
-                     std::sqrt(sigma2)};
+  return SeenProfile{clip_dn * std::exp(clipped_px * clipped_px / (8 * sigma2)), std::sqrt(sigma2)};
 }
 
 }  // namespace

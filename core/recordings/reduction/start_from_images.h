@@ -17,9 +17,9 @@ inline constexpr double kUnknownPower = 1, kUnknownDivergence = 0.2;
 
 // Sets power and divergence of a reduced set (ReducePosedPlates) so that the median line has the
 // height and the width that the images show. A line that is clipped is extrapolated by a Gaussian
-// profile through its widths at the clip level and at half of it, which is good to a factor of three
-// where speckle clips in part. The uncertainties stay. Returns a
-// sentence for each value; empty: both are stated, or no image shows a line.
+// profile through its widths at the clip level and at half of it. That is good to a factor of
+// three where speckle clips in part. The uncertainties stay. Returns a sentence for each value;
+// empty: both are stated, or no image shows a line.
 std::vector<std::string> StartFromImages(const std::vector<Image<uint16_t>>& raw_dn,
                                          RecordingSet* set);
 

@@ -304,16 +304,14 @@ absl::StatusOr<int> Diagnose(DiagnoseOptions options) {
     for (const auto& [given, name] : {std::pair(!options.part.empty(), "--part"),
                                       std::pair(!options.part_unit.empty(), "--part-unit")}) {
       if (!given) continue;
-      return absl::InvalidArgumentError(absl::StrCat(name, " is for recordings of a part; ",
-                                                     set->description_file,
-                                                     " has format_version ",
-                                                     set->recordings.format_version(),
-                                                     ": a plate"));
+      return absl::InvalidArgumentError(
+          absl::StrCat(name, " is for recordings of a part; ", set->description_file,
+                       " has format_version ", set->recordings.format_version(), ": a plate"));
     }
     if (!options.inspection.empty() && set->recordings.format_version() == 3) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("--inspection is for recordings with a rig; ", set->description_file,
-                       " has format_version 3: plates in poses"));
+      return absl::InvalidArgumentError(absl::StrCat("--inspection is for recordings with a rig; ",
+                                                     set->description_file,
+                                                     " has format_version 3: plates in poses"));
     }
     if (!options.inspection.empty()) {
       const auto inspection = CalibrateInspectionFile(options.inspection, set->recordings, {}, ".");

@@ -67,7 +67,9 @@ TEST(PosedPlates, AreReadAndWrittenBack) {
 
 TEST(PosedPlates, ErrorsNameFieldValueAndRange) {
   using Change = std::function<void(v1::Recordings*)>;
-  const auto pose = [](v1::Recordings* m) { return m->mutable_recordings(0)->mutable_plate_pose(); };
+  const auto pose = [](v1::Recordings* m) {
+    return m->mutable_recordings(0)->mutable_plate_pose();
+  };
   const struct {
     Change change;
     std::string expected;

@@ -33,8 +33,8 @@ PosedPlates PosedRig(const RecordingSet& set, bool along_columns) {
                   .distortion = {-0.08, 0.1, 4e-4, -3e-4, 0}};
   const Eigen::Vector3d middle(0, 0, kFocus_m);
   constexpr double kTriangulation_rad = 0.6;
-  Eigen::Vector3d origin =
-      middle + 0.35 * Eigen::Vector3d(0, std::sin(kTriangulation_rad), -std::cos(kTriangulation_rad));
+  Eigen::Vector3d origin = middle + 0.35 * Eigen::Vector3d(0, std::sin(kTriangulation_rad),
+                                                           -std::cos(kTriangulation_rad));
   Eigen::Vector3d normal = Eigen::Vector3d::UnitX().cross(origin - middle).normalized();
   if (along_columns) {
     const Eigen::AngleAxisd turn(std::numbers::pi / 2, Eigen::Vector3d::UnitZ());
@@ -121,8 +121,7 @@ RecordingSet PosedSet(const PosedSetOptions& options) {
   double brightest_dn = 0;
   for (const RecordedImage& image : reduced->set.recordings) {
     if (image.kind != RecordingKind::kLaser) continue;
-    brightest_dn =
-        std::max(brightest_dn, ExpectLine(reduced->set, image).CrestDn(set.camera, 0));
+    brightest_dn = std::max(brightest_dn, ExpectLine(reduced->set, image).CrestDn(set.camera, 0));
   }
   const double factor = options.crest_share * set.camera.largest_dn() / brightest_dn;
   for (RecordedImage& image : set.recordings) image.exposure_time_s *= factor;

@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // Segments of a tilted plate's line against the tilted plate itself.
-#include "core/recordings/reduction/reduce_posed_plates.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -9,6 +7,7 @@
 #include <cmath>
 
 #include "core/recordings/expected_line.h"
+#include "core/recordings/reduction/reduce_posed_plates.h"
 #include "core/recordings/reduction/start_from_images.h"
 #include "render_worker/diagnosis/expectation/expected_frame.h"
 #include "render_worker/recordings/plate_frames.h"
@@ -57,8 +56,8 @@ TEST_P(Reduction, ExpectsWhatTheTiltedPlateShows) {
   std::vector<double> scale;
   for (size_t i = 0; i < set.recordings.size(); ++i) {
     const Image<double> mean = MeanElectronsOf(set, static_cast<int>(i));
-    scale.push_back(60000 / std::max(1e-9, *std::max_element(mean.values.begin(),
-                                                             mean.values.end())));
+    scale.push_back(60000 /
+                    std::max(1e-9, *std::max_element(mean.values.begin(), mean.values.end())));
     Image<uint16_t>& image = fine.emplace_back(mean.columns_px, mean.rows_px);
     for (size_t k = 0; k < mean.values.size(); ++k) {
       image.values[k] = static_cast<uint16_t>(std::lround(scale.back() * mean.values[k]));
