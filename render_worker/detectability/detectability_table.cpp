@@ -22,8 +22,9 @@
 namespace sightline {
 namespace {
 
-// Turns of machining marks that are tried.
-constexpr double kMarkTurns_deg[] = {15, 75, 135};
+// Angle between machining marks and the plane of normal and camera: half way between the two
+// extremes.
+constexpr double kMarksTurn_deg = 45;
 // Distance of the laser where the rig has it follow the camera.
 constexpr double kUsualLaserDistance_m = 0.5;
 
@@ -42,21 +43,17 @@ std::vector<double> CameraDistances(const ParameterDomain& domain) {
   return {*nearest, *farthest};
 }
 
-// The material with its machining marks at some angle to the facet's x axis, for every turn that is
-// tried; the material itself if it has no direction.
-std::vector<v1::Material> Turned(const v1::Material& material) {
+// The material with its machining marks turned so on a facet; the material itself if it has none.
+v1::Material OnFacet(const v1::Material& material) {
+  v1::Material turned = material;
   const v1::Material::Conductor& conductor = material.conductor();
   if (!material.has_conductor() || conductor.ggx_alpha_x() == conductor.ggx_alpha_y()) {
-    return {material};
+    return turned;
   }
-  std::vector<v1::Material> turned;
-  for (const double turn_deg : kMarkTurns_deg) {
-    v1::Material& next = turned.emplace_back(material);
-    auto* direction = next.mutable_conductor()->mutable_machining_direction();
-    direction->set_x(std::cos(Radians(turn_deg)));
-    direction->set_y(std::sin(Radians(turn_deg)));
-    direction->set_z(0);
-  }
+  auto* direction = turned.mutable_conductor()->mutable_machining_direction();
+  direction->set_x(std::cos(Radians(kMarksTurn_deg)));
+  direction->set_y(std::sin(Radians(kMarksTurn_deg)));
+  direction->set_z(0);
   return turned;
 }
 
@@ -93,22 +90,16 @@ class MaterialTable {
   absl::StatusOr<v1::DetectabilityOfMaterial> Make(
       const Inspection& inspection, const MaterialChoice& material, const AssetResolver& assets,
       const std::function<void(double)>& report) const {
-    const std::vector<v1::Material> turned = Turned(material.material);
-    std::vector<std::unique_ptr<PartScene>> scenes;
-    for (const v1::Material& one : turned) {
-      auto scene = MakeFacetScene(inspection, one, laser_distance_m_, distances_m_.back(),
-                                  task_.f_number, assets);
-      if (!scene.ok()) return scene.status();
-      scenes.push_back(*std::move(scene));
-    }
-    std::vector<ExposureRange> ranges(points_.size() * scenes.size());
-    if (absl::Status status = Render(scenes, report, ranges); !status.ok()) return status;
-    return Filled(ranges, scenes.size());
+    const auto scene = MakeFacetScene(inspection, OnFacet(material.material), laser_distance_m_,
+                                      distances_m_.back(), task_.f_number, assets);
+    if (!scene.ok()) return scene.status();
+    std::vector<ExposureRange> ranges(points_.size());
+    if (absl::Status status = Render(**scene, report, ranges); !status.ok()) return status;
+    return Filled(ranges);
   }
 
  private:
-  absl::Status Render(const std::vector<std::unique_ptr<PartScene>>& scenes,
-                      const std::function<void(double)>& report,
+  absl::Status Render(PartScene& scene, const std::function<void(double)>& report,
                       std::vector<ExposureRange>& ranges) const {
     std::vector<absl::Status> statuses(ranges.size());
     std::atomic<size_t> next = 0;
@@ -122,9 +113,7 @@ class MaterialTable {
     for (int thread = 0; thread < std::max(1, hooks_.limits.threads); ++thread) {
       threads.Start([&] {
         for (size_t i = next++; i < ranges.size() && !failed; i = next++) {
-          const GridPoint& point = points_[i / scenes.size()];
-          auto range = FacetExposures(*scenes[i % scenes.size()], effects_, point.view,
-                                      task_.min_detected_fraction,
+          auto range = FacetExposures(scene, effects_, points_[i].view, task_.min_detected_fraction,
                                       DeriveSeed(task_.seed, "facet", i), limits);
           statuses[i] = range.status();
           if (range.ok()) {
@@ -144,7 +133,7 @@ class MaterialTable {
     return absl::OkStatus();
   }
 
-  v1::DetectabilityOfMaterial Filled(const std::vector<ExposureRange>& ranges, size_t turns) const {
+  v1::DetectabilityOfMaterial Filled(const std::vector<ExposureRange>& ranges) const {
     v1::DetectabilityOfMaterial table;
     for (const double distance_m : distances_m_) table.add_camera_distances_m(distance_m);
     for (const double angle_deg : kFacetIncidence_deg) {
@@ -157,14 +146,7 @@ class MaterialTable {
     table.mutable_shortest_exposure_time_s()->Resize(static_cast<int>(entries), 0);
     table.mutable_longest_exposure_time_s()->Resize(static_cast<int>(entries), 0);
     for (size_t p = 0; p < points_.size(); ++p) {
-      std::vector<ExposureRange> of_turns(
-          ranges.begin() + static_cast<std::ptrdiff_t>(p * turns),
-          ranges.begin() + static_cast<std::ptrdiff_t>((p + 1) * turns));
-      // The middle one as a whole, so that shortest and longest belong together.
-      std::sort(of_turns.begin(), of_turns.end(), [](const auto& a, const auto& b) {
-        return std::pair(a.shortest_s, a.longest_s) < std::pair(b.shortest_s, b.longest_s);
-      });
-      const ExposureRange& range = of_turns[turns / 2];
+      const ExposureRange& range = ranges[p];
       const size_t index = points_[p].index;
       // A point along the normal stands for all azimuths.
       const size_t laser = index / kAzimuths % kIncidences,

@@ -5,8 +5,8 @@
 // At every point of the grid (camera distance, incidence of camera and laser, azimuth between them)
 // a flat facet of the material is put there with the laser line on it. Its light goes through the
 // chain of optical planning: lens, speckle, sensor, line detection. The facet is in focus, since
-// defocus is a limit of its own; a plane has no multiple reflections. Of materials with machining
-// marks three turns of the marks are tried, and the middle of the three times is taken.
+// defocus is a limit of its own; a plane has no multiple reflections. Machining marks are
+// turned by 45 degrees from the plane of normal and camera.
 #pragma once
 
 #include <cstdint>
@@ -38,8 +38,8 @@ struct DetectabilityHooks {
 };
 
 // Angles of the grid [deg]. Near the mirror direction the azimuth is finer.
-inline constexpr double kFacetIncidence_deg[] = {0, 15, 30, 45, 60, 70, 80};
-inline constexpr double kFacetAzimuth_deg[] = {0, 60, 110, 140, 160, 170, 180};
+inline constexpr double kFacetIncidence_deg[] = {0, 20, 40, 55, 70, 80};
+inline constexpr double kFacetAzimuth_deg[] = {0, 60, 120, 155, 180};
 
 // `inspection` has sensor, lens, optics and materials; camera distances are the ends of its domain.
 // INVALID_ARGUMENT: a name without a material, an effect of plates alone, or an error of

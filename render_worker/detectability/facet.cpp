@@ -9,8 +9,8 @@
 namespace sightline {
 namespace {
 
-// Columns of the region: three blocks of the evaluation, one where the line is steep.
-constexpr int kColumns_px = 96, kFewestColumns_px = 32;
+// Columns of the region: two blocks of the evaluation, one where the line is steep.
+constexpr int kColumns_px = 64, kFewestColumns_px = 32;
 // Rows beside the line, and at most.
 constexpr int kRowsBeside_px = 32, kMostRows_px = 256;
 
@@ -53,9 +53,7 @@ RegionOfInterest RegionAboutLine(const Rig& rig, const Measurement& measurement)
                across = std::abs(line.dot(geometry.camera.y_axis));
   const double slope = across / std::max(along, 1e-9);
   RegionOfInterest region;
-  region.columns_px = slope < 1   ? kColumns_px
-                      : slope < 2 ? 2 * kFewestColumns_px
-                                  : kFewestColumns_px;
+  region.columns_px = slope < 1 ? kColumns_px : kFewestColumns_px;
   const double rows =
       std::min<double>(kMostRows_px, 2 * kRowsBeside_px + slope * region.columns_px);
   region.rows_px = 4 * static_cast<int>(std::ceil(rows / 4));
