@@ -18,7 +18,7 @@ namespace sightline {
 struct LaserSheet {
   Eigen::Vector3d normal = Eigen::Vector3d::UnitX();
   double offset_m = 0;
-  std::optional<Eigen::Vector3d> origin_m;  // place that its light comes from; unset: far away
+  std::optional<Eigen::Vector3d> origin_m;  // source of the light; unset: far away
 };
 
 // Directions at a point of the line, and what a plate perpendicular to the camera's axis lacks.

@@ -192,7 +192,7 @@ PosedPlates PosedPlatesOf(const CalibrationResult& result) {
   return posed;
 }
 
-// The fields that the whole set states.
+// The part of the description that all recordings share.
 v1::Recordings DescriptionOf(const CalibrationSet& set, const CalibrationResult& result,
                              const PosedPlates& posed, int bits) {
   v1::Recordings message;

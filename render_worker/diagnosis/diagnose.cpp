@@ -64,8 +64,53 @@ constexpr std::string_view kNotInPoses[] = {
     "unknown.readout_lag",    "unknown.row_memory",
 };
 
+// Effects that poses cannot show where the light is not stated either. Values that nobody stated
+// cannot be in error; a response curve needs known amounts of light, a dark signal exposure times.
+constexpr std::string_view kNeedStatedLight[] = {
+    "geometry.laser_distance_error",
+    "illumination.beam_focus",
+    "illumination.beam_quality",
+    "illumination.power_drift",
+    "illumination.power_error",
+    "illumination.wavelength_error",
+    "optics.f_number_error",
+    "optics.focus_error",
+    "optics.transmission_error",
+    "sensor.adc_inl",
+    "sensor.black_level_error",
+    "sensor.colour_response_error",
+    "sensor.dark_current",
+    "sensor.gain_error",
+    "sensor.lower_full_well",
+    "sensor.qe_error",
+    "sensor.read_noise_excess",
+    "sensor.response_nonlinearity",
+    "surface.albedo_error",
+    "surface.brdf_error",
+    "time.exposure_jitter",
+    "time.exposure_offset",
+    "time.temperature_drift",
+    "unknown.aperture",
+    "unknown.codes",
+    "unknown.dark_course",
+    "unknown.dark_signal",
+    "unknown.exposure",
+    "unknown.power_course",
+    "unknown.response",
+    "unknown.response_law",
+};
+
+// Poses with a power that is not stated (PowerDeviation), as without exposure times.
+bool LightIsUnknown(const RecordedSet& set) {
+  return set.description.posed && set.description.uncertainty.power_relative >= 1;
+}
+
 bool CanShow(const RecordedSet& set, const EffectDescription& description) {
   if (!description.plates_can_show_it) return false;
+  if (LightIsUnknown(set) && std::find(std::begin(kNeedStatedLight), std::end(kNeedStatedLight),
+                                       description.id) != std::end(kNeedStatedLight)) {
+    return false;
+  }
   return !set.description.posed || std::find(std::begin(kNotInPoses), std::end(kNotInPoses),
                                              description.id) == std::end(kNotInPoses);
 }
@@ -297,6 +342,13 @@ absl::StatusOr<v1::Diagnosis> Diagnose(const RecordedSet& set, const DiagnosisSe
   v1::Diagnosis diagnosis = DescribeFinished(
       model, evident.empty() ? comparison.null : NominalFit(set, model_settings, start), comparison,
       settings.seed);
+  if (LightIsUnknown(set)) {
+    diagnosis.add_warnings(
+        "Laser power and exposure times are not stated: errors of power, f-number, focus, gain, "
+        "reflectance and dark signal, and the sensor's response, are not considered. Recordings of "
+        "one unknown amount of light cannot show them. Other light cannot be told from a dark "
+        "level.");
+  }
   report(1, "done");
   return diagnosis;
 }

@@ -211,7 +211,7 @@ class Reduction {
         LeaveOut(image, segment, "the line is too near the edge of the region of interest");
         continue;
       }
-      // The line's row in the middle column, as if all columns were shifted alike.
+      // Row of the line in the middle column, as if all columns were shifted alike.
       const double line_px = centre[centre.size() / 2] + offset;
       RecordedImage reduced = Common(image, segment.middle_m.z());
       reduced.file = PartName(image, segment);
