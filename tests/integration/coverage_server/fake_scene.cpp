@@ -89,6 +89,7 @@ class FakeScene final : public CoverageScene {
                     -1,
                     10,
                     5,
+                    0,
                     {}};
     }
   }

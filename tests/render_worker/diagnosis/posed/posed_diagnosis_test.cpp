@@ -9,10 +9,8 @@
 namespace sightline {
 namespace {
 
-v1::Diagnosis DiagnosisOf(const PosedSetOptions& options, const std::vector<ActiveEffect>& effects,
-                          const RecordingSet* stated = nullptr) {
-  const RecordingSet set = PosedSet(options);
-  RecordedSet recorded = ReducedPosedSet(stated == nullptr ? set : *stated, effects, 3);
+v1::Diagnosis DiagnosisOf(const RecordingSet& set, const std::vector<ActiveEffect>& effects) {
+  const RecordedSet recorded = ReducedPosedSet(set, effects, 3);
   DiagnosisSettings settings;
   settings.threads = 2;
   settings.max_effects = 1;
@@ -22,7 +20,7 @@ v1::Diagnosis DiagnosisOf(const PosedSetOptions& options, const std::vector<Acti
 }
 
 TEST(PosedDiagnosis, NamesNothingWhereNothingIsHidden) {
-  const v1::Diagnosis diagnosis = DiagnosisOf({}, {});
+  const v1::Diagnosis diagnosis = DiagnosisOf(PosedSet({}), {});
   EXPECT_EQ(diagnosis.verdict(), "none") << diagnosis.finding();
   EXPECT_EQ(diagnosis.calibrated().format_version(), 3);
 }
@@ -35,10 +33,25 @@ TEST(PosedDiagnosis, NamesHaloAndAmbientLight) {
     if (value == 0) values[0].value = 0.5;
     const auto effect = MakeActiveEffect(id, values);
     ASSERT_TRUE(effect.ok()) << effect.status();
-    const v1::Diagnosis diagnosis = DiagnosisOf({}, {*effect});
+    const v1::Diagnosis diagnosis = DiagnosisOf(PosedSet({}), {*effect});
     ASSERT_GT(diagnosis.ranked_size(), 0);
     EXPECT_EQ(diagnosis.ranked(0).effect(), id) << diagnosis.finding();
   }
+}
+
+TEST(PosedDiagnosis, ClaimsNothingOfLightThatIsNotStated) {
+  // One exposure, clipped lines, no dark frames.
+  RecordingSet set = PosedSet({.poses = 6, .dark_frames = false, .crest_share = 3});
+  set.uncertainty.power_relative = 3;
+  set.uncertainty.divergence_relative = 0.2;
+  set.uncertainty.f_number_relative = 0.2;
+  set.uncertainty.diffuse_albedo_relative = 0.3;
+  set.uncertainty.gain_relative = 0.3;
+  set.uncertainty.dark_mean_electrons = 100;
+  set.uncertainty.dark_noise_relative = 1;
+  const v1::Diagnosis diagnosis = DiagnosisOf(set, {});
+  EXPECT_EQ(diagnosis.verdict(), "none") << diagnosis.finding();
+  EXPECT_THAT(diagnosis.warnings(), testing::Contains(testing::HasSubstr("are not considered")));
 }
 
 }  // namespace
