@@ -53,15 +53,27 @@ absl::Status CheckEnough(const RecordedSet& set) {
 }
 
 // Effects that plates in poses (format version 3) cannot show. Their recordings are segments whose
-// columns are shifted and may be transposed, so that rows and columns of the sensor are lost. The
-// shape and the place of the line are those of the poses.
+// columns are shifted and may be transposed, so that rows and columns of the sensor are lost, along
+// which charge overflows. The shape and the place of the line are those of the poses.
 constexpr std::string_view kNotInPoses[] = {
-    "geometry.camera_roll",   "geometry.laser_roll", "illumination.line_bow",
-    "sensor.column_gain",     "sensor.row_noise",    "sensor.dsnu_column_pattern",
-    "sensor.rolling_shutter", "sensor.smear",        "surface.curved_plate",
-    "surface.tilted_plate",   "unknown.cell_gain",   "unknown.column_trail",
-    "unknown.keystone",       "unknown.line_noise",  "unknown.line_place",
-    "unknown.readout_lag",    "unknown.row_memory",
+    "geometry.camera_roll",
+    "geometry.laser_roll",
+    "illumination.line_bow",
+    "sensor.blooming",
+    "sensor.column_gain",
+    "sensor.row_noise",
+    "sensor.dsnu_column_pattern",
+    "sensor.rolling_shutter",
+    "sensor.smear",
+    "surface.curved_plate",
+    "surface.tilted_plate",
+    "unknown.cell_gain",
+    "unknown.column_trail",
+    "unknown.keystone",
+    "unknown.line_noise",
+    "unknown.line_place",
+    "unknown.readout_lag",
+    "unknown.row_memory",
 };
 
 // Effects that poses cannot show where the light is not stated either. Values that nobody stated
