@@ -15,19 +15,26 @@ using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 using google::protobuf::Reflection;
 
-// Whether element `index` of a float or double field, or the field itself, is finite.
-bool IsFinite(const Message& message, const Reflection& reflection, const FieldDescriptor& field,
-              int index) {
+// Whether element `index` of a float or double field, or the field itself, has a value of the
+// field.
+bool IsValue(const Message& message, const Reflection& reflection, const FieldDescriptor& field,
+             int index) {
   const bool is_repeated = field.is_repeated();
   if (field.cpp_type() == FieldDescriptor::CPPTYPE_FLOAT) {
     return std::isfinite(is_repeated ? reflection.GetRepeatedFloat(message, &field, index)
                                      : reflection.GetFloat(message, &field));
   }
-  return std::isfinite(is_repeated ? reflection.GetRepeatedDouble(message, &field, index)
-                                   : reflection.GetDouble(message, &field));
+  const double value = is_repeated ? reflection.GetRepeatedDouble(message, &field, index)
+                                   : reflection.GetDouble(message, &field);
+  return std::isfinite(value) || (value > 0 && MayBeInfinite(field));
 }
 
 }  // namespace
+
+bool MayBeInfinite(const FieldDescriptor& field) {
+  return field.full_name() == "sightline.v1.DetectabilityOfMaterial.shortest_exposure_time_s" ||
+         field.full_name() == "sightline.v1.DetectabilityOfMaterial.longest_exposure_time_s";
+}
 
 // Parsers limit the depth of messages to 100, and so the depth of this recursion.
 std::optional<std::string> FirstNonFiniteField(const Message& message) {
@@ -44,7 +51,7 @@ std::optional<std::string> FirstNonFiniteField(const Message& message) {
       std::string name(field->name());
       if (field->is_repeated()) absl::StrAppend(&name, "[", i, "]");
       if (is_real) {
-        if (!IsFinite(message, reflection, *field, i)) return name;
+        if (!IsValue(message, reflection, *field, i)) return name;
         continue;
       }
       const Message& inner = field->is_repeated() ? reflection.GetRepeatedMessage(message, field, i)

@@ -25,6 +25,7 @@
 #include "absl/strings/string_view.h"
 #include "core/file/read_file.h"
 #include "core/json/error_list.h"
+#include "core/json/finite_numbers.h"
 #include "core/json/json_text.h"
 #include "core/json/line_comments.h"
 #include "core/spelling/nearest_name.h"
@@ -522,13 +523,18 @@ class MessageReader : public nlohmann::json_sax<nlohmann::json> {
         return add ? reflection.AddFloat(message, field, number)
                    : reflection.SetFloat(message, field, number);
       }
-      case FieldDescriptor::CPPTYPE_DOUBLE:
-        if (!value.IsNumber() || !std::isfinite(value.number)) {
-          return Expected("a finite number", value);
+      case FieldDescriptor::CPPTYPE_DOUBLE: {
+        const bool infinite = value.type == JsonValue::Type::kString && value.text == "Infinity" &&
+                              MayBeInfinite(*field);
+        if (!infinite && (!value.IsNumber() || !std::isfinite(value.number))) {
+          return Expected(MayBeInfinite(*field) ? "a number or \"Infinity\"" : "a finite number",
+                          value);
         }
+        const double number = infinite ? std::numeric_limits<double>::infinity() : value.number;
         TakeNumber<double>(place);
-        return add ? reflection.AddDouble(message, field, value.number)
-                   : reflection.SetDouble(message, field, value.number);
+        return add ? reflection.AddDouble(message, field, number)
+                   : reflection.SetDouble(message, field, number);
+      }
       case FieldDescriptor::CPPTYPE_INT32:
         if (const auto integer = TakeInteger<int32_t>(place, value)) {
           return add ? reflection.AddInt32(message, field, *integer)
@@ -603,7 +609,8 @@ class MessageReader : public nlohmann::json_sax<nlohmann::json> {
   std::map<const Descriptor*, size_t> bytes_of_;
 };
 
-// JSON has no NaN or infinity; the strings are proto3 JSON's and are refused when read back.
+// JSON has no NaN or infinity; the strings are proto3 JSON's and are refused when read back, except
+// where infinity has a meaning (MayBeInfinite).
 std::string JsonNumber(double value) {
   const std::string text = NumberText(value);
   return std::isfinite(value) ? text : absl::StrCat("\"", text, "\"");

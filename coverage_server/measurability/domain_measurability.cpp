@@ -420,12 +420,13 @@ bool DomainMeasurability::PairMeasures(const Rest& rest, const Arc& arc, const P
   for (const PairScan& scan : scans) {
     for (const double step_rad : {0.0, beside_rad, -beside_rad}) {
       const double azimuth = arc.azimuth_rad + step_rad;
-      const Eigen::Vector3f to_camera = DirectionOf(scan.CameraPolar(), azimuth, arc.tilt_rad),
-                            to_laser = DirectionOf(scan.LaserPolar(), azimuth, arc.tilt_rad);
       const auto too_steep = [&](const Eigen::Vector3f& direction) {
         return normal.dot(direction) < min_cos_incidence_ - slack;
       };
-      if (too_steep(to_camera) || too_steep(to_laser)) continue;
+      const Eigen::Vector3f to_camera = DirectionOf(scan.CameraPolar(), azimuth, arc.tilt_rad);
+      if (too_steep(to_camera)) continue;
+      const Eigen::Vector3f to_laser = DirectionOf(scan.LaserPolar(), azimuth, arc.tilt_rad);
+      if (too_steep(to_laser)) continue;
       if (!MayHaveLight(scan, state, normal, to_camera, to_laser)) continue;
       // A full turn of the part keeps the sensors where they are; one of the sensors, the part.
       const double gamma = FullTurn(gamma_) ? arc.gamma_rad - step_rad : arc.gamma_rad;
