@@ -9,6 +9,9 @@
 namespace sightline {
 namespace {
 
+// Enough to tell the effects below, few enough for half a minute each.
+constexpr int kPoses = 3;
+
 v1::Diagnosis DiagnosisOf(const RecordingSet& set, const std::vector<ActiveEffect>& effects) {
   const RecordedSet recorded = ReducedPosedSet(set, effects, 3);
   DiagnosisSettings settings;
@@ -20,7 +23,7 @@ v1::Diagnosis DiagnosisOf(const RecordingSet& set, const std::vector<ActiveEffec
 }
 
 TEST(PosedDiagnosis, NamesNothingWhereNothingIsHidden) {
-  const v1::Diagnosis diagnosis = DiagnosisOf(PosedSet({}), {});
+  const v1::Diagnosis diagnosis = DiagnosisOf(PosedSet({.poses = kPoses}), {});
   EXPECT_EQ(diagnosis.verdict(), "none") << diagnosis.finding();
   EXPECT_EQ(diagnosis.calibrated().format_version(), 3);
 }
@@ -33,7 +36,7 @@ TEST(PosedDiagnosis, NamesHaloAndAmbientLight) {
     if (value == 0) values[0].value = 0.5;
     const auto effect = MakeActiveEffect(id, values);
     ASSERT_TRUE(effect.ok()) << effect.status();
-    const v1::Diagnosis diagnosis = DiagnosisOf(PosedSet({}), {*effect});
+    const v1::Diagnosis diagnosis = DiagnosisOf(PosedSet({.poses = kPoses}), {*effect});
     ASSERT_GT(diagnosis.ranked_size(), 0);
     EXPECT_EQ(diagnosis.ranked(0).effect(), id) << diagnosis.finding();
   }
@@ -41,7 +44,7 @@ TEST(PosedDiagnosis, NamesHaloAndAmbientLight) {
 
 TEST(PosedDiagnosis, ClaimsNothingOfLightThatIsNotStated) {
   // One exposure, clipped lines, no dark frames.
-  RecordingSet set = PosedSet({.poses = 6, .dark_frames = false, .crest_share = 3});
+  RecordingSet set = PosedSet({.poses = kPoses, .dark_frames = false, .crest_share = 3});
   set.uncertainty.power_relative = 3;
   set.uncertainty.divergence_relative = 0.2;
   set.uncertainty.f_number_relative = 0.2;
