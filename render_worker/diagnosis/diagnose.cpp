@@ -54,7 +54,7 @@ absl::Status CheckEnough(const RecordedSet& set) {
 
 // Effects that plates in poses (format version 3) cannot show. Their recordings are segments whose
 // columns are shifted and may be transposed, so that rows and columns of the sensor are lost, along
-// which charge overflows. The shape and the place of the line are those of the poses.
+// which charge overflows. Shape and place of the line, distances and angles are those of the poses.
 constexpr std::string_view kNotInPoses[] = {
     "geometry.camera_roll",
     "geometry.laser_roll",
@@ -74,6 +74,7 @@ constexpr std::string_view kNotInPoses[] = {
     "unknown.line_place",
     "unknown.readout_lag",
     "unknown.row_memory",
+    "unknown.setup",
 };
 
 // Effects that poses cannot show where the light is not stated either. Values that nobody stated
