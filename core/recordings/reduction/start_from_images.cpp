@@ -19,13 +19,8 @@ constexpr double kClipped = 0.95;
 constexpr double kMostOverClip = 30;
 constexpr double kFaint_dn = 3;
 
-// Relative uncertainty of a width that is extrapolated from a clipped line. Measured: widths of
-// rendered clipped lines are found within a factor of 1.6 (reduction_test).
-constexpr double kClippedWidthRelative = 0.5;
-
 struct SeenProfile {
   double height_dn = 0, sigma_px = 0;
-  bool clipped = false;
 };
 
 // Width of the part of the profile around its highest row that is above a level, with linear
@@ -66,8 +61,7 @@ std::optional<SeenProfile> ProfileOf(const Image<uint16_t>& image, double larges
   const double variance = (half_px * half_px - clipped_px * clipped_px) / (8 * std::log(2.0));
   const double least = clipped_px * clipped_px / (8 * std::log(kMostOverClip));
   const double sigma2 = std::max(variance, least);
-  return SeenProfile{clip_dn * std::exp(clipped_px * clipped_px / (8 * sigma2)), std::sqrt(sigma2),
-                     true};
+  return SeenProfile{clip_dn * std::exp(clipped_px * clipped_px / (8 * sigma2)), std::sqrt(sigma2)};
 }
 
 }  // namespace
@@ -104,12 +98,6 @@ std::vector<std::string> StartFromImages(const std::vector<Image<uint16_t>>& raw
                                     0.04 * profile.sigma_px * profile.sigma_px);
       widths.push_back(std::sqrt(beam2 / (nominal * nominal - lens2)));
       seen_sigma.push_back(profile.sigma_px);
-    }
-    const bool all_clipped =
-        std::all_of(seen.begin(), seen.end(), [](const auto& line) { return line.second.clipped; });
-    if (all_clipped) {
-      set->uncertainty.divergence_relative =
-          std::max(set->uncertainty.divergence_relative, kClippedWidthRelative);
     }
     // Waist and far field both, so that the width changes by this factor at any distance.
     const double factor = UpperMedian(widths);
