@@ -35,7 +35,7 @@ call() {
 text_field() {
   local camel
   camel=$(sed -E 's/_(.)/\U\1/g' <<<"$1")
-  sed -nE "s/.*\"($1|$camel)\": *\"([^\"]*)\".*/\2/p"
+  sed -unE "s/.*\"($1|$camel)\": *\"([^\"]*)\".*/\2/p"
 }
 
 digest=$(sha256sum "$part" | cut -d ' ' -f 1)

@@ -38,6 +38,22 @@ constexpr int kProfiles = 4;        // recordings with pictures in the report
 constexpr int kNextRecordings = 3;  // recordings to make next that are proposed at most
 constexpr double kMisfit = 1e-3;  // p-value below which a warning says that the best model misfits
 
+// Poses with a power that is not stated (PowerDeviation), as without exposure times.
+bool LightIsUnknown(const RecordedSet& set) {
+  return set.description.posed && set.description.uncertainty.power_relative >= 1;
+}
+
+// True if in every recording of a line one pixel of ten columns or more has the largest number.
+bool AllLinesAreClipped(const RecordedSet& set) {
+  return std::all_of(set.frames.begin(), set.frames.end(), [](const RecordedFrame& frame) {
+    if (frame.plate_position_id < 0) return true;
+    const auto largest = static_cast<uint16_t>(frame.nominal.sensor.largest_dn());
+    const auto clipped =
+        std::count(frame.raw_dn.values.begin(), frame.raw_dn.values.end(), largest);
+    return 10 * clipped >= frame.raw_dn.columns_px;
+  });
+}
+
 absl::Status CheckEnough(const RecordedSet& set) {
   std::set<int> positions;
   for (const RecordedFrame& frame : set.frames) {
@@ -48,6 +64,13 @@ absl::Status CheckEnough(const RecordedSet& set) {
         set.description.name, ": recordings: ", positions.size(),
         " plate positions with the laser on; the diagnosis needs at least ", kLeastPositions,
         " (plate_position_id), since speckle of one position says nothing about others"));
+  }
+  if (LightIsUnknown(set) && AllLinesAreClipped(set)) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        set.description.name,
+        ": recordings: all lines are clipped, and neither laser power nor exposure times are "
+        "stated: height and shape of the line are not known, and any effect would be a guess. "
+        "Record exposures that do not clip, or state laser.power_w and exposure_time_s"));
   }
   return absl::OkStatus();
 }
@@ -112,11 +135,6 @@ constexpr std::string_view kNeedStatedLight[] = {
     "unknown.response",
     "unknown.response_law",
 };
-
-// Poses with a power that is not stated (PowerDeviation), as without exposure times.
-bool LightIsUnknown(const RecordedSet& set) {
-  return set.description.posed && set.description.uncertainty.power_relative >= 1;
-}
 
 bool CanShow(const RecordedSet& set, const EffectDescription& description) {
   if (!description.plates_can_show_it) return false;

@@ -17,6 +17,7 @@
 #include "render_worker/diagnosis/fit/predictive_check.h"
 #include "render_worker/diagnosis/selection/hypothesis.h"
 #include "render_worker/diagnosis/selection/screening/screening.h"
+#include "render_worker/evidence/judgement.h"
 
 namespace sightline {
 
@@ -63,7 +64,7 @@ struct ModelComparison {
   Hypothesis named;
   PredictiveCheck null_check, named_check;
   // Share of the difference that `named` may leave and still be the answer (evidence/judgement.h).
-  double share_names_may_leave = 0;
+  double share_names_may_leave = kShareNamesMayLeave;
   // Stages with the largest gain first. Empty: no hypothesis with a model-discrepancy term leads.
   std::vector<StageTransfer> transfer;
   // Unset: nothing speaks for it, or ranked.front() has a model-discrepancy term.
