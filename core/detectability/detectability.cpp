@@ -143,7 +143,9 @@ ExposureRange ExposureTable::At(double camera_distance_m, double laser_distance_
                     ? 0
                     : (at[k] - axis[below[k]]) / (axis[below[k] + 1] - axis[below[k]]);
   }
-  double shortest = 0, longest = 0;
+  // Sums over the finite entries about the place, and the entry that is nearest to it.
+  double shortest = 0, shortest_share = 0, longest = 0, longest_share = 0, nearest_share = -1;
+  size_t nearest = 0;
   for (int corner = 0; corner < 16; ++corner) {
     double share = 1;
     size_t index = 0;
@@ -153,13 +155,25 @@ ExposureRange ExposureTable::At(double camera_distance_m, double laser_distance_
       if (share == 0) break;
       index = index * axes_[k].size() + below[k] + static_cast<size_t>(upper);
     }
-    // An infinite entry of weight 0 has no say.
     if (share == 0) continue;
-    shortest += share * log_shortest_[index];
-    longest += share * log_longest_[index];
+    if (share > nearest_share) {
+      nearest_share = share;
+      nearest = index;
+    }
+    const auto add = [&](double value, double& sum, double& shares) {
+      if (std::isinf(value)) return;
+      sum += share * value;
+      shares += share;
+    };
+    add(log_shortest_[index], shortest, shortest_share);
+    add(log_longest_[index], longest, longest_share);
   }
   const double spread = laser_distance_m / laser_distance_m_;
-  return {spread * std::exp(shortest), spread * std::exp(longest)};
+  const auto time = [&](double at_nearest, double sum, double shares) {
+    return std::isinf(at_nearest) ? at_nearest : spread * std::exp(sum / shares);
+  };
+  return {time(log_shortest_[nearest], shortest, shortest_share),
+          time(log_longest_[nearest], longest, longest_share)};
 }
 
 absl::StatusOr<Detectability> ParseDetectability(const v1::Detectability& message,

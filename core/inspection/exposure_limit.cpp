@@ -51,16 +51,15 @@ absl::StatusOr<PermittedExposures> PermittedExposuresOf(const Inspection& inspec
                                                         const std::string& context) {
   PermittedExposures permitted{inspection.min_exposure_time_s, inspection.max_exposure_time_s,
                                "the camera"};
-  if (inspection.optics) {
-    const double image_speed_px_per_m =
-        inspection.rig.camera.FocalLengthPx() /
-        NearestCamera_m(inspection.domain.parameters[kCameraDistance]);
-    const ExposureLimit limit = LimitExposure(inspection.stated_costs, inspection.rig.scan_step_m,
-                                              *inspection.optics, image_speed_px_per_m);
-    if (limit.longest_s && *limit.longest_s < permitted.longest_s) {
-      permitted.longest_s = *limit.longest_s;
-      permitted.longest_because = limit.because;
-    }
+  const double image_speed_px_per_m =
+      inspection.rig.camera.FocalLengthPx() /
+      NearestCamera_m(inspection.domain.parameters[kCameraDistance]);
+  const ExposureLimit limit =
+      LimitExposure(inspection.stated_costs, inspection.rig.scan_step_m,
+                    inspection.optics.value_or(OpticsPlanning()), image_speed_px_per_m);
+  if (limit.longest_s && *limit.longest_s < permitted.longest_s) {
+    permitted.longest_s = *limit.longest_s;
+    permitted.longest_because = limit.because;
   }
   if (inspection.detectability) {
     const Detectability& stated = *inspection.detectability;

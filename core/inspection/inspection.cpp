@@ -637,18 +637,10 @@ absl::StatusOr<ObstacleSource> ParseObstacle(const v1::Obstacle& obstacle, const
 
 namespace {
 
-// Light limits targets where the inspection asks for it, and by current defaults where it states
-// everything that images are made with.
+// Light limits targets where the inspection asks for it.
 absl::Status ParseLightLimit(const v1::Inspection& message, const Checker& check,
                              const std::string& context, Inspection* inspection) {
-  const bool imaging = message.camera().has_sensor() && message.has_lens() &&
-                       message.laser().has_power_w() && !message.materials().empty();
-  if (!message.has_detectability()) {
-    if (imaging && inspection->defaults != DefaultsVersion::k0_1) {
-      inspection->detectability.emplace();
-    }
-    return absl::OkStatus();
-  }
+  if (!message.has_detectability()) return absl::OkStatus();
   absl::StatusOr<Detectability> detectability =
       ParseDetectability(message.detectability(), context);
   if (!detectability.ok()) return detectability.status();

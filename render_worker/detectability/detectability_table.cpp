@@ -40,7 +40,9 @@ std::vector<double> CameraDistances(const ParameterDomain& domain) {
   }
   const auto [nearest, farthest] = std::minmax_element(ends.begin(), ends.end());
   if (*farthest <= 1.001 * *nearest) return {*nearest};
-  return {*nearest, *farthest};
+  // In equal ratios: the size of the line in the image changes by as much from one to the next.
+  const double ratio = std::cbrt(*farthest / *nearest);
+  return {*nearest, ratio * *nearest, ratio * ratio * *nearest, *farthest};
 }
 
 // The material with its machining marks turned so on a facet; the material itself if it has none.

@@ -85,7 +85,7 @@ TEST(ExposureTable, TakesTheAzimuthFromTheAngleBetweenTheDirections) {
   EXPECT_NEAR(table.At(1, 1, cosine, cosine, std::cos(60 * kRadPerDeg)).shortest_s, 4, 1e-6);
 }
 
-TEST(ExposureTable, NextToAnInfiniteEntryIsInfinite) {
+TEST(ExposureTable, IsInfiniteWhereTheNearestEntryIs) {
   MaterialExposures material = Matt();
   material.camera_distances_m = {1};
   material.camera_incidence_rad = {0};
@@ -95,7 +95,9 @@ TEST(ExposureTable, NextToAnInfiniteEntryIsInfinite) {
   material.longest_s = {1, kInfinity};
   const ExposureTable table(material);
   EXPECT_NEAR(table.At(1, 0.5, 1, 1, 1).shortest_s, 1e-3, 1e-12);
-  EXPECT_TRUE(std::isinf(table.At(1, 0.5, 1, std::cos(0.1), 1).shortest_s));
+  EXPECT_NEAR(table.At(1, 0.5, 1, std::cos(0.4), 1).shortest_s, 1e-3, 1e-12);
+  EXPECT_NEAR(table.At(1, 0.5, 1, std::cos(0.4), 1).longest_s, 1, 1e-9);
+  EXPECT_TRUE(std::isinf(table.At(1, 0.5, 1, std::cos(0.6), 1).shortest_s));
   EXPECT_TRUE(std::isinf(table.At(1, 0.5, 1, std::cos(1.2), 1).shortest_s));
 }
 
