@@ -51,7 +51,8 @@ struct Detectability {
 };
 
 // One material's table, ready for look-ups. Linear in the logarithm of the times, constant beyond
-// the ends of an axis; next to an infinite entry the time is infinite.
+// the ends of an axis. A place whose nearest entry is infinite has an infinite time; elsewhere
+// infinite entries are left out.
 class ExposureTable {
  public:
   explicit ExposureTable(const MaterialExposures& exposures);
