@@ -148,7 +148,7 @@ TEST_F(LightProcessTest, TablesAreComputedAndKept) {
   "laser": {"distance_m": 0.5, "power_w": 0.005},
   "measurement": {"camera_distance_m": {"fixed": 0.4}, "part_alpha_deg": {"fixed": 0},
                   "part_beta_deg": {"fixed": 0}},
-  "targets": {"spacing_m": 0.004},
+  "targets": {"spacing_m": 0.004}, "detectability": {},
   "materials": [{"part_material": "white_paint",
                  "material": {"name": "soot", "lambert": {"diffuse_albedo": 1e-5}}}]
 })");
