@@ -27,6 +27,7 @@
 #include "render_worker/diagnosis/selection/evident_effects.h"
 #include "render_worker/diagnosis/selection/next_recording.h"
 #include "render_worker/effects/discrepancy/free_form.h"
+#include "render_worker/effects/plates_in_poses.h"
 
 namespace sightline {
 
@@ -75,75 +76,9 @@ absl::Status CheckEnough(const RecordedSet& set) {
   return absl::OkStatus();
 }
 
-// Effects that plates in poses (format version 3) cannot show. Their recordings are segments whose
-// columns are shifted and may be transposed, so that rows and columns of the sensor are lost, along
-// which charge overflows. Shape and place of the line, distances and angles are those of the poses.
-constexpr std::string_view kNotInPoses[] = {
-    "geometry.camera_roll",
-    "geometry.laser_roll",
-    "illumination.line_bow",
-    "sensor.blooming",
-    "sensor.column_gain",
-    "sensor.row_noise",
-    "sensor.dsnu_column_pattern",
-    "sensor.rolling_shutter",
-    "sensor.smear",
-    "surface.curved_plate",
-    "surface.tilted_plate",
-    "unknown.cell_gain",
-    "unknown.column_trail",
-    "unknown.keystone",
-    "unknown.line_noise",
-    "unknown.line_place",
-    "unknown.readout_lag",
-    "unknown.row_memory",
-    "unknown.setup",
-};
-
-// Effects that poses cannot show where the light is not stated either. Values that nobody stated
-// cannot be in error; a response curve needs known amounts of light, a dark signal exposure times.
-constexpr std::string_view kNeedStatedLight[] = {
-    "geometry.laser_distance_error",
-    "illumination.beam_focus",
-    "illumination.beam_quality",
-    "illumination.power_drift",
-    "illumination.power_error",
-    "illumination.wavelength_error",
-    "optics.f_number_error",
-    "optics.focus_error",
-    "optics.transmission_error",
-    "sensor.adc_inl",
-    "sensor.black_level_error",
-    "sensor.colour_response_error",
-    "sensor.dark_current",
-    "sensor.gain_error",
-    "sensor.lower_full_well",
-    "sensor.qe_error",
-    "sensor.read_noise_excess",
-    "sensor.response_nonlinearity",
-    "surface.albedo_error",
-    "surface.brdf_error",
-    "time.exposure_jitter",
-    "time.exposure_offset",
-    "time.temperature_drift",
-    "unknown.aperture",
-    "unknown.codes",
-    "unknown.dark_course",
-    "unknown.dark_signal",
-    "unknown.exposure",
-    "unknown.power_course",
-    "unknown.response",
-    "unknown.response_law",
-};
-
 bool CanShow(const RecordedSet& set, const EffectDescription& description) {
-  if (!description.plates_can_show_it) return false;
-  if (LightIsUnknown(set) && std::find(std::begin(kNeedStatedLight), std::end(kNeedStatedLight),
-                                       description.id) != std::end(kNeedStatedLight)) {
-    return false;
-  }
-  return !set.description.posed || std::find(std::begin(kNotInPoses), std::end(kNotInPoses),
-                                             description.id) == std::end(kNotInPoses);
+  return description.plates_can_show_it && (!set.description.posed || PosesCanShow(description)) &&
+         (!LightIsUnknown(set) || UnknownLightCanShow(description));
 }
 
 // FAILED_PRECONDITION: the description without effects has no fit. A comparison about it would

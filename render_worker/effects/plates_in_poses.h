@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: Apache-2.0
+// Effects that recordings of plates in poses (docs/recordings.md, version 3) cannot show.
+#pragma once
+
+#include "render_worker/effects/effect.h"
+
+namespace sightline {
+
+// False: the reduction of these recordings to segments of the line loses what the effect changes.
+bool PosesCanShow(const EffectDescription& description);
+
+// False: the effect is an error of a value that is not stated, or needs known amounts of light.
+bool UnknownLightCanShow(const EffectDescription& description);
+
+}  // namespace sightline
