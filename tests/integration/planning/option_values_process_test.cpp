@@ -113,7 +113,6 @@ TEST(OptionValues, OptionsWithoutEffectAreRefusedByName) {
   for (const Case& given : {
            Case{"plan i.json --out o --pose-prior-mm 1", "--pose-prior-mm"},
            Case{"plan i.json --out o --optics-rounds 2", "--optics-rounds"},
-           Case{"plan i.json --out o --threads 2", "--threads"},
            Case{"plan i.json --out o --pick 1 --seed 3", "--seed"},
            Case{"plan i.json --out o --pick-scans 1 --goal 0.5", "--goal"},
            Case{"render i.json --out o --draft-pixels 800", "--draft-pixels"},
