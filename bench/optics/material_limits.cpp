@@ -80,8 +80,8 @@ Inspection InspectionWith(const Options& options, const std::string& material) {
   if (const absl::Status s = ParseStrictJson(json, kName, &message); !s.ok()) {
     Fail(kName, std::string(s.message()));
   }
-  Inspection inspection = Must(
-      ParseInspection(message, kName, (SourceFolder() / "examples/cylinder_head").string()));
+  Inspection inspection =
+      Must(ParseInspection(message, kName, (SourceFolder() / "examples/cylinder_head").string()));
   inspection.optics->realisations = 2;
   return inspection;
 }

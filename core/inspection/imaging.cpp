@@ -501,8 +501,10 @@ absl::Status ParseImaging(const v1::Inspection& message, const std::string& cont
     if (!sensor.ok()) return sensor.status();
     inspection->sensor = *std::move(sensor);
     const v1::Sensor& file = message.camera().sensor();
-    if (file.has_min_exposure_time_s()) inspection->min_exposure_time_s = file.min_exposure_time_s();
-    if (file.has_max_exposure_time_s()) inspection->max_exposure_time_s = file.max_exposure_time_s();
+    if (file.has_min_exposure_time_s())
+      inspection->min_exposure_time_s = file.min_exposure_time_s();
+    if (file.has_max_exposure_time_s())
+      inspection->max_exposure_time_s = file.max_exposure_time_s();
   }
   std::set<std::string> surfaces;
   for (int i = 0; i < message.materials_size(); ++i) {

@@ -252,7 +252,7 @@ TEST(ZoneOfCharacteristics, MeasuredValueAndVerdictOfAPlan) {
   EXPECT_NEAR(narrow->value_m, 5e-4, 1e-12);
   EXPECT_EQ(narrow->decision, Conformity::kDoesNotConform);
   EXPECT_EQ(wide->decision, Conformity::kConforms);
-  // By least squares the same part is judged by a larger value.
+  // Least squares give the same part a larger value.
   const auto gauss =
       EvaluateMeasured(plate.feature, plate.Fit(Association::kGauss), h, {.width_m = 6e-4});
   ASSERT_TRUE(gauss.ok());
