@@ -384,7 +384,8 @@ void CompareWithReference(const CalibrationSet& set, const UsedFrames& used,
 
 }  // namespace
 
-absl::StatusOr<CalibrationResult> CalibrateScanner(const CalibrationSet& set) {
+absl::StatusOr<CalibrationResult> CalibrateScanner(const CalibrationSet& set,
+                                                   const CalibrationProgress& progress) {
   std::vector<std::string> images;
   CalibrationResult result;
   result.name = set.name;
@@ -393,13 +394,16 @@ absl::StatusOr<CalibrationResult> CalibrateScanner(const CalibrationSet& set) {
     images.push_back(frame.image);
     result.frames.emplace_back().name = frame.name;
   }
+  progress(0, absl::StrCat("looks for the target in ", images.size(), " frames"));
   const auto found = FindTargets(images, set.board);
   if (!found.ok()) return found.status();
   result.columns_px = found->columns_px;
   result.rows_px = found->rows_px;
   const CameraPrior camera = ChooseCamera(set, *found, &result.warnings);
+  progress(0.3, "looks for the lines");
   auto used = FindLines(set, *found, camera, &result);
   if (!used.ok()) return used.status();
+  progress(0.4, "adjusts camera and laser plane, each frame left out once");
   if (absl::Status s = FitShape(set, camera, &*used, &result); !s.ok()) return s;
   if (absl::Status s = FitHandEye(set, *used, &result); !s.ok()) return s;
   std::vector<LeftOutFrame> left_out;
@@ -418,6 +422,7 @@ absl::StatusOr<CalibrationResult> CalibrateScanner(const CalibrationSet& set) {
   if (!planning.ok()) return planning.status();
   result.planning = *planning;
   CompareWithReference(set, *used, &result);
+  progress(0.9, "measures the light beside the lines");
   const auto light = MeasureLight(set, *used, result);
   if (!light.ok()) return light.status();
   result.light = *light;

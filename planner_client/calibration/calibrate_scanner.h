@@ -2,6 +2,9 @@
 // From a calibration set to the scanner: corners, lines, adjustment, frames left out, hand-eye.
 #pragma once
 
+#include <functional>
+#include <string>
+
 #include "absl/status/statusor.h"
 #include "core/calibration_set/calibration_set.h"
 #include "planner_client/calibration/calibration_result.h"
@@ -16,6 +19,10 @@ namespace sightline {
 // frames is used. Its squares are compared with the robot's movements, a given laser plane with the
 // lines. INVALID_ARGUMENT: fewer than four frames are left, images differ in size, or the poses do
 // not fit the frames; the message says which mistake would explain it. Others as FindTargets.
-absl::StatusOr<CalibrationResult> CalibrateScanner(const CalibrationSet& set);
+// `progress` is called at the start of every phase with the fraction of the work done before it, in
+// [0, 1], and the phase in words.
+using CalibrationProgress = std::function<void(double fraction, const std::string& phase)>;
+absl::StatusOr<CalibrationResult> CalibrateScanner(const CalibrationSet& set,
+                                                   const CalibrationProgress& progress);
 
 }  // namespace sightline

@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "absl/strings/str_format.h"
+#include "core/scanner_calibration/calibration_verdict.h"
 
 namespace sightline {
 namespace {
@@ -63,6 +64,8 @@ Json FrameJson(const CalibrationFrameResult& frame) {
     json["rms_m"] = frame.left_out.rms_m;
     json["predicted_rms_m"] = frame.left_out.predicted_rms_m;
     json["corner_rms_px"] = frame.corner_rms_px;
+    const std::string remark = FarOffRemark(frame.left_out);
+    if (!remark.empty()) json["remark"] = remark;
   } else {
     json["rms_m"] = nullptr;
     json["predicted_rms_m"] = nullptr;
@@ -158,6 +161,8 @@ std::string CalibrationJson(const CalibrationResult& result) {
   }
   json["real_over_predicted"] = {
       {"value", result.ratio.value}, {"low", result.ratio.low}, {"high", result.ratio.high}};
+  json["verdict"] = {{"value", NameOf(VerdictOf(result.ratio))},
+                     {"because", VerdictText(result.ratio)}};
   json["light"] = LightJson(result.light);
   json["warnings"] = result.warnings;
   return json.dump(2) + "\n";

@@ -186,7 +186,7 @@ PosedPlates PosedPlatesOf(const CalibrationResult& result) {
   PosedPlates posed;
   posed.camera = CameraOf(result.rig.shared);
   // The format has one focal length: the two differ by less than poses are uncertain.
-  posed.camera.fx = posed.camera.fy = 0.5 * (posed.camera.fx + posed.camera.fy);
+  posed.camera.fx = posed.camera.fy = result.planning.focal_length_px;
   const Eigen::Vector3d plane = result.rig.shared.segment<3>(kPlaneX);
   posed.sheet = {plane.normalized(), 1 / plane.norm(), std::nullopt};
   return posed;

@@ -11,11 +11,13 @@
 #include "core/file/atomic_write.h"
 #include "core/json/strict_json.h"
 #include "core/recordings/recordings.h"
+#include "core/scanner_calibration/calibration_verdict.h"
 #include "planner_client/calibration/calibrate_scanner.h"
 #include "planner_client/calibration/calibration_files.h"
 #include "planner_client/calibration/recorded_lines.h"
 #include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/command_line/process/output_folder.h"
+#include "planner_client/command_line/process/progress_line.h"
 #include "planner_client/commands/commands.h"
 #include "planner_client/part_files/part_file.h"
 #include "planner_client/report/calibration/calibration_report.h"
@@ -87,7 +89,11 @@ absl::StatusOr<int> Calibrate(const CalibrateOptions& options) {
   }
   const auto out_lock = OpenOutputFolder(options.out);
   if (!out_lock.ok()) return out_lock.status();
-  const auto result = CalibrateScanner(*set);
+  ProgressLine line;
+  const auto result = CalibrateScanner(*set, [&line](double fraction, const std::string& phase) {
+    line.Show(fraction, "calibrate: " + phase);
+  });
+  line.Finish();
   if (!result.ok()) return result.status();
   if (absl::Status s = WriteFiles(options, *set, *result); !s.ok()) return s;
   const auto recordings = WriteRecordings(options, *set, *result);
@@ -99,12 +105,14 @@ absl::StatusOr<int> Calibrate(const CalibrateOptions& options) {
       std::printf("%-20s  not used: %s\n", frame.name.c_str(), frame.because.c_str());
       continue;
     }
-    std::printf("%-20s  %11.3f  %16.3f  %5.2f\n", frame.name.c_str(), 1e3 * frame.left_out.rms_m,
+    std::printf("%-20s  %11.3f  %16.3f  %5.2f%s\n", frame.name.c_str(), 1e3 * frame.left_out.rms_m,
                 1e3 * frame.left_out.predicted_rms_m,
-                frame.left_out.rms_m / frame.left_out.predicted_rms_m);
+                frame.left_out.rms_m / frame.left_out.predicted_rms_m,
+                FarOffRemark(frame.left_out).empty() ? "" : "  far off");
   }
   std::printf("\nreal over predicted   %.2f (95 %%: %.2f to %.2f)\n", result->ratio.value,
               result->ratio.low, result->ratio.high);
+  std::printf("%s\n", VerdictText(result->ratio).c_str());
   if (result->hand_eye) {
     std::printf("hand-eye closure      %.2f mm\n", 1e3 * result->hand_eye->closure_m);
   }

@@ -119,6 +119,11 @@ class Reduction {
       return absl::InvalidArgumentError(
           absl::StrCat("recordings: no segment of a line can be used: ", result_.remarks.front()));
     }
+    if (along_columns_) {
+      result_.remarks.emplace_back(
+          "the lines run along the columns of the sensor: columns and rows of all images of the "
+          "diagnosis are exchanged");
+    }
     return std::move(result_);
   }
 

@@ -37,7 +37,7 @@ struct ReducedPlates {
   // interest are relative to the principal point, in the order along, across the line.
   RecordingSet set;
   std::vector<Image<uint16_t>> raw_dn;  // one for each recording; empty if none were given
-  std::vector<std::string> remarks;     // segments that were left out, and why
+  std::vector<std::string> remarks;     // segments left out and why; exchanged columns and rows
 };
 
 // `posed`: format_version 3, as ParseRecordings makes it. `raw_dn`: one image for every recording,

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "core/scanner_calibration/calibration_verdict.h"
 #include "planner_client/report/document/report_parts.h"
 #include "planner_client/report/document/report_series.h"
 #include "planner_client/report/page/number_text.h"
@@ -38,7 +39,7 @@ ReportBlocks FrameBlocks(const CalibrationResult& result) {
       row.push_back(FixedCell(frame.corner_rms_px, 2));
       row.push_back(frame.hand_eye_position_m ? FixedCell(1e3 * *frame.hand_eye_position_m, 2)
                                               : TextCell(kNoValue));
-      row.push_back(TextCell(""));
+      row.push_back(TextCell(FarOffRemark(left_out)));
     } else {
       row.resize(6, TextCell(kNoValue));
       row.push_back(TextCell("not used: " + frame.because));
@@ -150,6 +151,14 @@ ReportBlocks LightBlocks(const CalibrationResult& result) {
   const FrameLight& light = result.light;
   if (light.frame_count == 0) return {};
   ReportBlocks blocks = SentenceBlocks("Found", LightFindings(light));
+  if (light.print_over_paper_error > 0) {
+    blocks.push_back(RemarkBlock(absl::StrCat(
+        "The halo's change from far to near, dark squares over light ones: ",
+        FixedNumber(light.print_over_paper, 2), " (standard error ",
+        FixedNumber(light.print_over_paper_error, 2),
+        "). Light on the board gives the ratio of the reflectances of print and paper, light that "
+        "lens or sensor spread gives 1.")));
+  }
   blocks.push_back(
       TableBlock("Light of frames that are left out",
                  {WordsColumn("model"), NumberColumn("error of tiles, rms", "DN")},
@@ -179,6 +188,8 @@ ReportBlocks ScannerBlocks(const CalibrationResult& result) {
   };
   adjusted("focal length, x", kFocalX, 1, "px");
   adjusted("focal length, y", kFocalY, 1, "px");
+  computed("focal length of inspection.json and recordings/: square root of their product",
+           result.planning.focal_length_px, 1, "px");
   adjusted("principal point, x", kCentreX, 1, "px");
   adjusted("principal point, y", kCentreY, 1, "px");
   adjusted("laser plane, normal over distance, x", kPlaneX, 3, "1/m");
@@ -231,6 +242,7 @@ v1::Report CalibrationReport(const CalibrationResult& result) {
   report.set_kind("calibration");
   report.set_subject("Sightline \u00b7 calibration");
   report.set_heading(result.name);
+  *report.add_finding() = PlainRun(VerdictText(result.ratio) + " ");
   *report.add_finding() = PlainRun(
       "Each frame was left out in turn and predicted from the others. Its points scatter ");
   *report.add_finding() = StrongRun(RatioText(result.ratio));

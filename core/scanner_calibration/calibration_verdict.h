@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+// Whether plans may rely on the uncertainty that a calibrated scanner predicts: the ratio of real
+// to predicted scatter in frames that were left out, with its 95 % interval.
+#pragma once
+
+#include <string>
+
+#include "core/scanner_calibration/left_out_frames.h"
+
+namespace sightline {
+
+enum class CalibrationVerdict {
+  kAgrees,      // plans may rely on the predicted uncertainty
+  kTooLarge,    // real errors are larger than predicted
+  kTooSmall,    // real errors are smaller than predicted
+  kNotDecided,  // more frames are needed
+};
+
+// Permitted ratios: a standard uncertainty from some ten frames is itself uncertain by a quarter
+// (JCGM 100:2008, E.4.3, table E.1: 24 % for 10 observations).
+inline constexpr double kLeastPermittedRatio = 0.7, kLargestPermittedRatio = 1.4;
+
+// A frame whose real scatter is larger than this many times the predicted one gets a remark.
+inline constexpr double kFarOffRatio = 2;
+
+// kAgrees: kLeastPermittedRatio <= value <= kLargestPermittedRatio, and the interval stays within
+// half of the least and twice the largest permitted ratio. kTooLarge or kTooSmall: the whole
+// interval lies beyond a permitted ratio. A ratio of 0, or one that is not finite, is not decided.
+CalibrationVerdict VerdictOf(const ScatterRatio& ratio);
+
+// "AGREES", "REAL_ERRORS_LARGER", "REAL_ERRORS_SMALLER", "NOT_DECIDED".
+const char* NameOf(CalibrationVerdict verdict);
+
+// What the verdict means for plans, and what to do, for people.
+std::string VerdictText(const ScatterRatio& ratio);
+
+// The remark of a used frame; empty if its scatter is within kFarOffRatio of the predicted one.
+std::string FarOffRemark(const LeftOutFrame& frame);
+
+}  // namespace sightline
