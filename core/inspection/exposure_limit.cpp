@@ -7,6 +7,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "core/status/status_macros.h"
 #include "core/text/number_text.h"
 
 namespace sightline {
@@ -19,6 +20,25 @@ double NearestCamera_m(const ParameterDomain& distance) {
     nearest_m = std::min(nearest_m, range.min);
   }
   return nearest_m;
+}
+
+// The camera cannot expose for shorter or longer than its file says, whatever is permitted.
+absl::Status CheckWithinCamera(const Inspection& inspection, const Detectability& stated,
+                               const std::string& context) {
+  const double least_s = inspection.min_exposure_time_s, most_s = inspection.max_exposure_time_s;
+  if (stated.max_exposure_time_s && *stated.max_exposure_time_s > most_s) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        context, ": detectability.max_exposure_time_s is ", NumberText(*stated.max_exposure_time_s),
+        " s, longer than the camera's longest exposure, ", NumberText(most_s),
+        " s (max_exposure_time_s of the sensor)"));
+  }
+  if (stated.min_exposure_time_s && *stated.min_exposure_time_s < least_s) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        context, ": detectability.min_exposure_time_s is ", NumberText(*stated.min_exposure_time_s),
+        " s, shorter than the camera's shortest exposure, ", NumberText(least_s),
+        " s (min_exposure_time_s of the sensor)"));
+  }
+  return absl::OkStatus();
 }
 
 }  // namespace
@@ -63,6 +83,7 @@ absl::StatusOr<PermittedExposures> PermittedExposuresOf(const Inspection& inspec
   }
   if (inspection.detectability) {
     const Detectability& stated = *inspection.detectability;
+    SIGHTLINE_RETURN_IF_ERROR(CheckWithinCamera(inspection, stated, context));
     permitted.shortest_s = stated.min_exposure_time_s.value_or(permitted.shortest_s);
     if (stated.max_exposure_time_s) {
       permitted.longest_s = *stated.max_exposure_time_s;

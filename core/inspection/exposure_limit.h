@@ -33,7 +33,8 @@ struct PermittedExposures {
 // The times that detectability states, else those of the camera (by default kShortestExposure_s to
 // kLongestExposure_s); the longest also as LimitExposure permits it. The image's motion is that at
 // the domain's nearest camera distance, across the line of sight: a longer exposure is permitted at
-// no distance. INVALID_ARGUMENT names `context`: the shortest is longer than the longest.
+// no distance. INVALID_ARGUMENT names `context`: the shortest is longer than the longest, or a
+// stated time is one that the camera does not have.
 absl::StatusOr<PermittedExposures> PermittedExposuresOf(const Inspection& inspection,
                                                         const std::string& context);
 

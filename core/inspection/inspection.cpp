@@ -645,7 +645,12 @@ absl::Status ParseLightLimit(const v1::Inspection& message, const Checker& check
       ParseDetectability(message.detectability(), context);
   if (!detectability.ok()) return detectability.status();
   inspection->detectability = *std::move(detectability);
-  if (!inspection->detectability->materials.empty()) return absl::OkStatus();
+  if (!inspection->detectability->materials.empty()) {
+    if (!message.detectability().has_min_detected_fraction()) return absl::OkStatus();
+    return check.Error("detectability.min_detected_fraction",
+                       "has no effect beside detectability.table, whose times were computed with "
+                       "a fraction of their own: leave one of the two out");
+  }
   ErrorList missing;
   for (const auto& [given, name] : {std::pair(message.camera().has_sensor(), "camera.sensor"),
                                     std::pair(message.has_lens(), "lens"),

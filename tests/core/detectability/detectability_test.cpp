@@ -194,5 +194,19 @@ TEST(PermittedExposures, AreThoseOfTheCameraAndTheStage) {
                                 "shortest permitted exposure, 10 s"));
 }
 
+TEST(PermittedExposures, AreNotLongerOrShorterThanThoseOfTheCamera) {
+  Inspection inspection;
+  inspection.domain = ThesisDomain();
+  inspection.min_exposure_time_s = 2e-5;
+  inspection.max_exposure_time_s = 0.5;
+  inspection.detectability.emplace().max_exposure_time_s = 0.6;
+  EXPECT_TRUE(absl::StrContains(PermittedExposuresOf(inspection, "file").status().message(),
+                                "max_exposure_time_s is 0.6 s, longer than the camera's"));
+  inspection.detectability->max_exposure_time_s = 0.4;
+  inspection.detectability->min_exposure_time_s = 1e-5;
+  EXPECT_TRUE(absl::StrContains(PermittedExposuresOf(inspection, "file").status().message(),
+                                "shorter than the camera's"));
+}
+
 }  // namespace
 }  // namespace sightline
