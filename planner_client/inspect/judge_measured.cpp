@@ -14,6 +14,7 @@
 #include "core/conformance/acceptance.h"
 #include "core/conformance/measured_value.h"
 #include "core/inspection/vector_proto.h"
+#include "core/statistics/order_statistics.h"
 #include "planner_client/requirements/characteristic_of.h"
 #include "planner_client/requirements/joined_scans.h"
 #include "planner_client/requirements/known_targets.h"
@@ -190,32 +191,51 @@ void JudgeBoundFeature(const MeasuredState& state, const TolerancedFeature& tole
   message.mutable_because()->append(AssociationText(state.requirements, toleranced));
 }
 
-// Uncertainty at the targets of an undecided feature with which it may be decided.
-double NeededUncertainty(const MeasuredState& state, const TolerancedFeature& feature,
-                         const std::vector<uint32_t>& targets) {
+// Lowers the entries of an undecided feature's targets to the uncertainty with which it may be
+// decided (JudgedInspection::needed_uncertainty_m); 0 stands for entries that are not set.
+void AddNeeded(const MeasuredState& state, const TolerancedFeature& feature,
+               const std::vector<uint32_t>& targets, std::vector<float>* needed_m) {
+  const DecisionRule& rule = state.requirements.rule;
   const bool profile =
       feature.kind == ToleranceKind::kSurfaceProfile || feature.kind == ToleranceKind::kLineProfile;
   const int64_t largest_of = profile ? std::max<int64_t>(1, std::ssize(targets)) : 1;
-  const double admissible_m =
-      feature.zone_width_m > 0
-          ? ProvableUncertainty(feature.zone_width_m, state.requirements.rule, largest_of)
-          : state.requirements.relaxed_uncertainty_m;
-  const double least_known_m =
-      feature.zone_width_m > 0
-          ? AdmissibleUncertainty(feature.zone_width_m, state.requirements.rule)
-          : std::numeric_limits<double>::infinity();
-  std::vector<double> known;
+  const bool has_zone = feature.zone_width_m > 0;
+  const double provable_m = has_zone ? ProvableUncertainty(feature.zone_width_m, rule, largest_of)
+                                     : state.requirements.relaxed_uncertainty_m;
+  const double least_known_m = has_zone ? AdmissibleUncertainty(feature.zone_width_m, rule)
+                                        : std::numeric_limits<double>::infinity();
+  const auto lower = [&](uint32_t t, double value_m) {
+    float& entry = (*needed_m)[t];
+    entry = entry > 0 ? std::min(entry, static_cast<float>(value_m)) : static_cast<float>(value_m);
+  };
+  std::vector<uint32_t> known;
+  std::vector<double> uncertainties_m;
   for (const uint32_t t : targets) {
-    const double u = state.knowledge.uncertainty[t].total_m;
-    if (state.knowledge.points[t] > 0 && u <= least_known_m) known.push_back(u);
+    const double u_m = state.knowledge.uncertainty[t].total_m;
+    if (state.knowledge.points[t] > 0 && u_m <= least_known_m) {
+      known.push_back(t);
+      uncertainties_m.push_back(u_m);
+    } else {
+      lower(t, provable_m);
+    }
   }
-  if (known.empty()) return admissible_m;
-  const auto middle = known.begin() + static_cast<std::ptrdiff_t>(known.size() / 2);
-  std::nth_element(known.begin(), middle, known.end());
-  const bool enough_known =
-      static_cast<double>(known.size()) >=
-      ConformanceOptions{}.required_share * static_cast<double>(targets.size());
-  return enough_known ? std::min(admissible_m, 0.5 * *middle) : admissible_m;
+  if (known.empty()) return;
+  if (static_cast<double>(known.size()) <
+      ConformanceOptions{}.required_share * static_cast<double>(targets.size())) {
+    for (const uint32_t t : known) lower(t, provable_m);
+    return;
+  }
+  bool held_back = false;
+  for (size_t i = 0; i < known.size() && profile && has_zone; ++i) {
+    const double deviation_m = std::abs(state.surface.estimates[known[i]].mean_m);
+    const double room_m = std::abs(0.5 * feature.zone_width_m - deviation_m);
+    if (room_m >= rule.guard_factor * uncertainties_m[i]) continue;
+    held_back = true;
+    lower(known[i], std::max(room_m / rule.guard_factor, 0.5 * uncertainties_m[i]));
+  }
+  if (held_back) return;
+  const double half_m = 0.5 * UpperMedian(uncertainties_m);
+  for (const uint32_t t : known) lower(t, std::min(provable_m, half_m));
 }
 
 v1::InspectedFeature Describe(const std::string& id, const std::string& name, ToleranceKind kind,
@@ -230,7 +250,8 @@ v1::InspectedFeature Describe(const std::string& id, const std::string& name, To
 }
 
 v1::InspectedFeature JudgeToleranced(const MeasuredState& state,
-                                     const TolerancedFeature& toleranced, double* needed_m) {
+                                     const TolerancedFeature& toleranced,
+                                     std::vector<float>* needed_m) {
   v1::InspectedFeature message = Describe(toleranced.id, toleranced.name, toleranced.kind,
                                           toleranced.text, toleranced.zone_width_m);
   const std::vector<uint32_t> all = state.requirements.TargetsOf(toleranced, state.surface.targets);
@@ -255,9 +276,9 @@ v1::InspectedFeature JudgeToleranced(const MeasuredState& state,
   } else {
     JudgeBoundFeature(state, toleranced, *bound, options, message);
   }
-  *needed_m = message.decision() == v1::InspectedFeature::UNDECIDED
-                  ? NeededUncertainty(state, toleranced, all)
-                  : 0;
+  if (message.decision() == v1::InspectedFeature::UNDECIDED) {
+    AddNeeded(state, toleranced, all, needed_m);
+  }
   return message;
 }
 
@@ -298,14 +319,14 @@ JudgedInspection JudgeMeasured(const Inspection& inspection, const Requirements&
                                             state.knowledge, placed.uncertainty->registration);
   }
   JudgedInspection judged;
+  judged.needed_uncertainty_m.assign(surface.targets.size(), 0);
   v1::InspectionResult& result = judged.result;
   result.set_expansion_factor(kExpansion);
   result.set_guard_factor(requirements.rule.guard_factor);
   *result.mutable_as_measured() = part.message;
   DescribeScans(part, result);
   for (const TolerancedFeature& feature : requirements.features) {
-    *result.add_features() =
-        JudgeToleranced(state, feature, &judged.needed_uncertainty_m.emplace_back());
+    *result.add_features() = JudgeToleranced(state, feature, &judged.needed_uncertainty_m);
   }
   for (const UnboundTolerance& unbound : requirements.unbound) {
     const Tolerance& t = unbound.tolerance;

@@ -20,11 +20,16 @@ namespace sightline {
 struct JudgedInspection {
   // Without version and next_scan.
   v1::InspectionResult result;
-  // For every feature of the requirements, the uncertainty [m] at its targets with which it may be
-  // decided; 0 if it is decided or cannot be evaluated. Where too little is known it is that with
-  // which a good part is accepted as often as not, else at most half of what it is now: the
-  // distance from a limit is not known beforehand.
-  std::vector<double> needed_uncertainty_m;
+  // For every target of the surface, the uncertainty [m] with which the undecided features that it
+  // belongs to may be decided; 0 if there are none. With s the width of the zone and g the guard
+  // factor:
+  // - a target that is not known well enough: the uncertainty with which a good part is accepted
+  //   as often as not (ProvableUncertainty);
+  // - a known target of a profile with the deviation d: |s/2 - |d|| / g, with which its guard band
+  //   ends where its deviation is now, but not less than half of the present uncertainty;
+  // - a known target of another feature, or of a profile that no single target holds back: half of
+  //   the median of the feature's known targets.
+  std::vector<float> needed_uncertainty_m;
 };
 
 // `inspection` is that of the model; its uncertainty must be set. `scans` are those of the plan

@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "core/inspection/inspection.h"
 #include "planner_client/command_line/process/interrupt.h"
 #include "planner_client/command_line/process/progress_line.h"
@@ -16,20 +17,6 @@ namespace sightline {
 namespace {
 
 constexpr ProgressPhase kSearchPhase{kOpenSessionPhase.end, 1};
-
-// Uncertainty to which every target of an undecided feature has to be known [m]; 0 for others.
-std::vector<float> NeededOf(const Requirements& requirements, const JudgedInspection& judged,
-                            const TargetSet& targets) {
-  std::vector<float> needed_m(targets.size(), 0);
-  for (size_t f = 0; f < requirements.features.size(); ++f) {
-    const auto feature_m = static_cast<float>(judged.needed_uncertainty_m[f]);
-    if (!(feature_m > 0)) continue;
-    for (const uint32_t t : requirements.TargetsOf(requirements.features[f], targets)) {
-      needed_m[t] = needed_m[t] > 0 ? std::min(needed_m[t], feature_m) : feature_m;
-    }
-  }
-  return needed_m;
-}
 
 PlannerRequest RequestOf(const PlanningSession& session, const EarlierPlan& earlier,
                          const NextScanQuestion& question) {
@@ -69,9 +56,13 @@ absl::StatusOr<std::optional<v1::NextScan>> FindNextScan(const NextScanQuestion&
   CoverageClient& client = *session->client;
   const Inspection& inspection = session->inspection;
   const double relaxed_m = session->requirements->relaxed_uncertainty_m;
-  const JudgedTargets needed =
-      JudgeTargets(client, *inspection.uncertainty, inspection.targets,
-                   NeededOf(*session->requirements, judged, client.targets()), relaxed_m);
+  if (client.targets().size() != judged.needed_uncertainty_m.size()) {
+    return absl::InternalError(absl::StrCat("the server has ", client.targets().size(),
+                                            " targets of the part, the verdict ",
+                                            judged.needed_uncertainty_m.size()));
+  }
+  const JudgedTargets needed = JudgeTargets(client, *inspection.uncertainty, inspection.targets,
+                                            judged.needed_uncertainty_m, relaxed_m);
   if (needed.judged.Count() == 0) return std::nullopt;
   auto simulated = std::make_unique<UncertaintyGainModel>(
       UncertaintyGainModel::Sampling{&client, needed}, UncertaintyGainModel::Sampling{nullptr, {}},
@@ -94,9 +85,8 @@ absl::StatusOr<std::optional<v1::NextScan>> FindNextScan(const NextScanQuestion&
   *next.mutable_measurement() = MeasurementToProto(plan->scans.back().measurement);
   next.set_open_targets(needed.judged.Count() - score->satisfied);
   next.set_settled_targets(plan->score.satisfied - score->satisfied);
-  for (size_t f = 0; f < session->requirements->features.size(); ++f) {
-    if (judged.needed_uncertainty_m[f] > 0)
-      next.add_features(session->requirements->features[f].name);
+  for (const v1::InspectedFeature& feature : judged.result.features()) {
+    if (feature.decision() == v1::InspectedFeature::UNDECIDED) next.add_features(feature.name());
   }
   return std::optional<v1::NextScan>(std::move(next));
 }

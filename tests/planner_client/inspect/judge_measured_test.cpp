@@ -2,9 +2,11 @@
 // Verdicts on two boxes whose points are made by hand.
 #include "planner_client/inspect/judge_measured.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <functional>
@@ -106,7 +108,7 @@ TEST_F(JudgeMeasuredTest, AGoodPartConforms) {
     EXPECT_GT(feature.expanded_uncertainty_m(), 0);
     EXPECT_EQ(feature.measured_targets(), feature.targets());
   }
-  EXPECT_EQ(judged.needed_uncertainty_m, (std::vector<double>{0, 0}));
+  EXPECT_THAT(judged.needed_uncertainty_m, testing::Each(0));
   ASSERT_EQ(judged.result.scans_size(), 1);
   EXPECT_EQ(judged.result.scans(0).name(), "scan_01.ply");
   EXPECT_GT(judged.result.scans(0).registration_rms_m(), 0);
@@ -139,8 +141,29 @@ TEST_F(JudgeMeasuredTest, WhatIsNotMeasuredStaysUndecided) {
   const v1::InspectedFeature& half = judged.result.features(0);
   EXPECT_EQ(half.decision(), Decision::UNDECIDED) << half.because();
   EXPECT_LT(half.measured_targets(), half.targets());
-  EXPECT_GT(judged.needed_uncertainty_m[0], 0);
-  EXPECT_EQ(judged.needed_uncertainty_m[1], 0);
+  EXPECT_GT(half.targets(), 0);
+  EXPECT_EQ(std::count_if(judged.needed_uncertainty_m.begin(), judged.needed_uncertainty_m.end(),
+                          [](float needed_m) { return needed_m > 0; }),
+            half.targets());
+}
+
+// A dent that ends just within the zone of 0.4 mm: only the targets in it need more, and the nearer
+// to the limit they are, the more.
+TEST_F(JudgeMeasuredTest, TheTargetsThatHoldAProfileBackNeedMore) {
+  const JudgedInspection judged = Judge(Scan(
+      [](const Eigen::Vector3d& p) {
+        if (std::abs(p.z() - 0.03) > 1e-6) return 0.0;
+        const double r = std::hypot(p.x() - 0.055, p.y() - 0.03) / 0.01;
+        return -1.98e-4 * std::exp(-0.5 * r * r);
+      },
+      All));
+  const v1::InspectedFeature& dented = judged.result.features(0);
+  ASSERT_EQ(dented.decision(), Decision::UNDECIDED) << dented.because();
+  const auto needed =
+      std::count_if(judged.needed_uncertainty_m.begin(), judged.needed_uncertainty_m.end(),
+                    [](float needed_m) { return needed_m > 0; });
+  EXPECT_GT(needed, 0);
+  EXPECT_LT(needed, dented.targets() / 2);
 }
 
 // Flatness of the large top, bent like x^3: least squares leaves more than the minimum zone.
