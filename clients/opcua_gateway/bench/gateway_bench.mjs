@@ -180,7 +180,7 @@ async function benchMemory(service, minutes, count) {
   const counts = {events: 0, lost: 0};
   // The client's library reads types of events in the background, and throws where the session ends meanwhile.
   process.on('uncaughtException', (error) => {
-    if (!/Session has been closed/.test(error.message)) throw error;
+    if (!/Session has been closed|Transaction has been canceled/.test(error.message)) throw error;
     counts.lost++;
   });
   const followers = Array.from({length: count}, (_, i) => follow(gateway, isOver, i / count, counts));
