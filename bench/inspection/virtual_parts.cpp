@@ -453,6 +453,7 @@ struct Tally {
 struct Options {
   int parts = 20;
   uint64_t seed = 1;
+  double zone_in_u = 8;
   bool calibration = true, at_limit = false, verbose = false;
 };
 
@@ -485,7 +486,16 @@ Bench MakeBench(VirtualModel model, const Options& options, const std::string& f
   return bench;
 }
 
+// Zones of `options.zone_in_u` typical U, by a first look with those of the model.
+void SetZones(const Options& options, const std::string& folder, VirtualModel* model) {
+  const Bench first = MakeBench(*model, options, folder);
+  for (size_t f = 0; f < model->features.size(); ++f) {
+    model->features[f].zone_m = options.zone_in_u * first.expanded_m[f];
+  }
+}
+
 Json RunModel(VirtualModel model, const Options& options, const std::string& folder) {
+  if (options.zone_in_u > 0) SetZones(options, folder, &model);
   const Bench bench = MakeBench(std::move(model), options, folder);
   std::vector<Tally> tallies(bench.model.features.size());
   for (int p = 0; p < options.parts; ++p) {
@@ -527,6 +537,9 @@ int Run(int argc, char** argv) {
   std::string json = "build/bench/virtual_parts.json";
   app.add_option("--parts", options.parts, "of each model; every second has a defect")
       ->check(CLI::Range(1, 100000));
+  app.add_option("--zone-in-u", options.zone_in_u,
+                 "width of the zones in typical expanded uncertainties; 0: those of the model")
+      ->check(CLI::Range(0.0, 1000.0));
   app.add_option("--seed", options.seed, "of everything drawn");
   app.add_flag("--no-calibration", no_calibration, "scanners without calibration errors");
   app.add_flag("--at-limit", options.at_limit, "all features of all parts at their limits");
@@ -547,7 +560,10 @@ int Run(int argc, char** argv) {
   }
   std::filesystem::remove_all(folder);
   WriteResults(json, "virtual_parts",
-               {{"parts", options.parts}, {"at_limit", options.at_limit}, {"features", results}});
+               {{"parts", options.parts},
+                {"zone_in_u", options.zone_in_u},
+                {"at_limit", options.at_limit},
+                {"features", results}});
   return 0;
 }
 
