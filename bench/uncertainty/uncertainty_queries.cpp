@@ -42,10 +42,10 @@ Rate Measure(double seconds, pid_t server, const std::vector<Measurement>& scans
 // A greedy plan after which 40 % of the targets are known to 0.05 mm.
 std::vector<Measurement> PlanForUncertainty(CoverageClient& client, const CoverageTask& task) {
   const size_t count = client.targets().size();
-  UncertaintyGainModel gain_model({&client, JudgeTargets(client, *task.uncertainty, task.sampling,
-                                                         std::vector<float>(count, 5e-5f), 1e-3)},
-                                  {nullptr, {}}, *task.uncertainty,
-                                  {.admissible = 0.5, .information = 0.5}, 1e-3);
+  UncertaintyGainModel gain_model(
+      {&client, FindTolerancedTargets(client, *task.uncertainty, task.sampling,
+                                      std::vector<float>(count, 5e-5f), 1e-3)},
+      {nullptr, {}}, *task.uncertainty, {.admissible = 0.5, .information = 0.5}, 1e-3);
   PlannerRequest request;
   request.domain = ThesisDomain();
   request.goal.coverage = 0;

@@ -168,18 +168,18 @@ void Decode(Reader& in, std::optional<int64_t>* value) {
 void Encode(const PlanScore& score, Writer& out) {
   out.Put(score.satisfied);
   out.Put(score.relaxed);
-  out.Put(score.judged);
+  out.Put(score.measurable);
   Encode(score.validation_satisfied, out);
   Encode(score.validation_relaxed, out);
-  out.Put(score.validation_judged);
+  out.Put(score.validation_measurable);
 }
 void Decode(Reader& in, PlanScore* score) {
   score->satisfied = in.Get<int64_t>();
   score->relaxed = in.Get<int64_t>();
-  score->judged = in.Get<int64_t>();
+  score->measurable = in.Get<int64_t>();
   Decode(in, &score->validation_satisfied);
   Decode(in, &score->validation_relaxed);
-  score->validation_judged = in.Get<int64_t>();
+  score->validation_measurable = in.Get<int64_t>();
 }
 
 template <typename T>

@@ -19,13 +19,13 @@ constexpr int kTotalUncertaintySteps = 4;
 
 }  // namespace
 
-JudgedTargets JudgeTargets(const CoverageClient& client, const UncertaintyModel& model,
-                           const TargetSampling& sampling,
-                           std::vector<float> admissible_uncertainty_m,
-                           double relaxed_uncertainty_m) {
-  JudgedTargets targets;
+TolerancedTargets FindTolerancedTargets(const CoverageClient& client, const UncertaintyModel& model,
+                                        const TargetSampling& sampling,
+                                        std::vector<float> admissible_uncertainty_m,
+                                        double relaxed_uncertainty_m) {
+  TolerancedTargets targets;
   const size_t count = client.targets().size();
-  targets.judged = TargetBits(count);
+  targets.bits = TargetBits(count);
   targets.admissible_density.assign(count, kNever);
   targets.relaxed_density.assign(count, kNever);
   targets.admissible_uncertainty_m = std::move(admissible_uncertainty_m);
@@ -37,7 +37,7 @@ JudgedTargets JudgeTargets(const CoverageClient& client, const UncertaintyModel&
       targets.admissible_uncertainty_m[t] = 0;
       continue;
     }
-    targets.judged.Set(t);
+    targets.bits.Set(t);
     const int32_t region = client.targets().regions[t];
     auto [entry, fresh] = known.try_emplace({region, admissible_m});
     if (fresh) {
@@ -103,7 +103,7 @@ absl::StatusOr<std::vector<ScanCoverage>> UncertaintyGainModel::FastCoverage(
     coverage.covered = std::move(scan.covered);
     for (size_t i = 0; i < scan.targets.size(); ++i) {
       const uint32_t t = scan.targets[i];
-      if (!planned_.targets.judged.Test(t)) continue;
+      if (!planned_.targets.bits.Test(t)) continue;
       coverage.shares.targets.push_back(t);
       coverage.shares.share.push_back(scan.density[i] / planned_.targets.admissible_density[t]);
     }
@@ -131,7 +131,7 @@ std::vector<ShareStep> UncertaintyGainModel::steps() const {
   if (w.relaxed > 0) {
     ShareStep step{w.relaxed, std::vector<float>(count, 1)};
     for (size_t t = 0; t < count; ++t) {
-      if (planned_.targets.judged.Test(t)) {
+      if (planned_.targets.bits.Test(t)) {
         step.threshold[t] =
             planned_.targets.relaxed_density[t] / planned_.targets.admissible_density[t];
       }
@@ -145,7 +145,7 @@ std::vector<ShareStep> UncertaintyGainModel::steps() const {
     ShareStep step{w.total_uncertainty / kTotalUncertaintySteps, std::vector<float>(count, 1)};
     std::map<float, float> known;
     for (size_t t = 0; t < count; ++t) {
-      if (!planned_.targets.judged.Test(t)) continue;
+      if (!planned_.targets.bits.Test(t)) continue;
       const float needed = planned_.targets.admissible_density[t];
       auto [entry, fresh] = known.try_emplace(needed);
       if (fresh) {
@@ -166,11 +166,12 @@ std::vector<ShareStep> UncertaintyGainModel::steps() const {
 
 absl::StatusOr<UncertaintyGainModel::Counts> UncertaintyGainModel::Count(
     const Sampling& sampling, std::span<const Measurement> scans, bool thorough) const {
-  std::vector<uint32_t> judged = FullShares(sampling.targets.judged).targets;
+  std::vector<uint32_t> toleranced = FullShares(sampling.targets.bits).targets;
   Counts counts;
-  if (judged.empty() || scans.empty()) return counts;
+  if (toleranced.empty() || scans.empty()) return counts;
   std::vector<uint32_t> asked;
-  for (size_t i = 0; i < judged.size(); i += thorough ? 1 : kStride) asked.push_back(judged[i]);
+  for (size_t i = 0; i < toleranced.size(); i += thorough ? 1 : kStride)
+    asked.push_back(toleranced[i]);
   std::vector<float> enough_m;
   for (const uint32_t t : asked) enough_m.push_back(sampling.targets.admissible_uncertainty_m[t]);
   auto exact = sampling.client->Uncertainties(scans, asked, false, enough_m);
@@ -198,15 +199,15 @@ absl::StatusOr<UncertaintyGainModel::Counts> UncertaintyGainModel::Count(
   const auto scaled = [&](int64_t exact_part, const std::vector<float>& needed) {
     int64_t fast_part = 0, fast_all = 0;
     for (const uint32_t t : asked) fast_part += density[t] >= needed[t];
-    for (const uint32_t t : judged) fast_all += density[t] >= needed[t];
-    const double scale = static_cast<double>(judged.size()) / static_cast<double>(asked.size());
+    for (const uint32_t t : toleranced) fast_all += density[t] >= needed[t];
+    const double scale = static_cast<double>(toleranced.size()) / static_cast<double>(asked.size());
     const double error =
         scale *
         std::sqrt(static_cast<double>(differ) *
-                  (1 - static_cast<double>(asked.size()) / static_cast<double>(judged.size())));
+                  (1 - static_cast<double>(asked.size()) / static_cast<double>(toleranced.size())));
     return std::clamp<int64_t>(
         fast_all + std::llround(scale * static_cast<double>(exact_part - fast_part) - error), 0,
-        static_cast<int64_t>(judged.size()));
+        static_cast<int64_t>(toleranced.size()));
   };
   counts.satisfied = scaled(counts.satisfied, sampling.targets.admissible_density);
   counts.relaxed = scaled(counts.relaxed, sampling.targets.relaxed_density);
@@ -218,13 +219,13 @@ absl::StatusOr<PlanScore> UncertaintyGainModel::ScorePlan(std::span<const Measur
   PlanScore score;
   auto counts = Count(planned_, scans, thorough);
   if (!counts.ok()) return counts.status();
-  score.judged = planned_.targets.judged.Count();
+  score.measurable = planned_.targets.bits.Count();
   score.satisfied = counts->satisfied;
   score.relaxed = counts->relaxed;
   if (fresh_.client == nullptr) return score;
   auto fresh = Count(fresh_, scans, thorough);
   if (!fresh.ok()) return fresh.status();
-  score.validation_judged = fresh_.targets.judged.Count();
+  score.validation_measurable = fresh_.targets.bits.Count();
   score.validation_satisfied = fresh->satisfied;
   score.validation_relaxed = fresh->relaxed;
   return score;
@@ -232,14 +233,14 @@ absl::StatusOr<PlanScore> UncertaintyGainModel::ScorePlan(std::span<const Measur
 
 absl::StatusOr<std::vector<PlanScore>> UncertaintyGainModel::ScoreGrowingPlan(
     std::span<const Measurement> scans) {
-  const std::vector<uint32_t> judged = FullShares(planned_.targets.judged).targets;
+  const std::vector<uint32_t> toleranced = FullShares(planned_.targets.bits).targets;
   std::vector<PlanScore> scores(scans.size());
-  for (PlanScore& score : scores) score.judged = static_cast<int64_t>(judged.size());
-  if (judged.empty() || scans.empty()) return scores;
-  auto exact = planned_.client->Uncertainties(scans, judged, true, {});
+  for (PlanScore& score : scores) score.measurable = static_cast<int64_t>(toleranced.size());
+  if (toleranced.empty() || scans.empty()) return scores;
+  auto exact = planned_.client->Uncertainties(scans, toleranced, true, {});
   if (!exact.ok()) return exact.status();
-  for (size_t i = 0; i < judged.size(); ++i) {
-    const float admissible_m = planned_.targets.admissible_uncertainty_m[judged[i]];
+  for (size_t i = 0; i < toleranced.size(); ++i) {
+    const float admissible_m = planned_.targets.admissible_uncertainty_m[toleranced[i]];
     const float relaxed_m =
         std::max(admissible_m, static_cast<float>(query_.relaxed_uncertainty_m));
     for (size_t s = 0; s < scans.size(); ++s) {

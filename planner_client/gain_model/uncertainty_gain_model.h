@@ -13,8 +13,8 @@
 namespace sightline {
 
 // Required uncertainty of the targets of one sampling.
-struct JudgedTargets {
-  TargetBits judged;                            // measurable, and a tolerance binds them
+struct TolerancedTargets {
+  TargetBits bits;                              // measurable, and a tolerance binds them
   std::vector<float> admissible_uncertainty_m;  // 0: not toleranced
   // Information density [1/m^4] after which the uncertainty is admissible, and relaxed; infinite
   // where a target is not toleranced.
@@ -24,16 +24,16 @@ struct JudgedTargets {
 
 // `admissible_uncertainty_m`: one per target of the client's scene. Targets whose admissible
 // uncertainty is not below the prior need nothing.
-JudgedTargets JudgeTargets(const CoverageClient& client, const UncertaintyModel& model,
-                           const TargetSampling& sampling,
-                           std::vector<float> admissible_uncertainty_m,
-                           double relaxed_uncertainty_m);
+TolerancedTargets FindTolerancedTargets(const CoverageClient& client, const UncertaintyModel& model,
+                                        const TargetSampling& sampling,
+                                        std::vector<float> admissible_uncertainty_m,
+                                        double relaxed_uncertainty_m);
 
 class UncertaintyGainModel final : public GainModel {
  public:
   struct Sampling {
     CoverageClient* client;
-    JudgedTargets targets;
+    TolerancedTargets targets;
   };
   // `fresh.client` may be null. Clients must outlive the gain model.
   UncertaintyGainModel(Sampling planned, Sampling fresh, const UncertaintyModel& model,
@@ -44,8 +44,8 @@ class UncertaintyGainModel final : public GainModel {
     return absl::OkStatus();
   }
 
-  const TargetBits& measurable() const override { return planned_.targets.judged; }
-  const TargetBits& validation_measurable() const override { return fresh_.targets.judged; }
+  const TargetBits& measurable() const override { return planned_.targets.bits; }
+  const TargetBits& validation_measurable() const override { return fresh_.targets.bits; }
   absl::StatusOr<std::vector<ScanGain>> Gains(std::span<const Measurement> measurements,
                                               std::span<const float> known) override;
   absl::StatusOr<std::vector<ScanGain>> WeightedGains(std::span<const Measurement> measurements,

@@ -42,7 +42,7 @@ v1::ParetoPoint PointToProto(const ParetoPoint& point, int number, bool with_mea
   message.set_frame_rate_time_s(point.time.frame_rate_s);
   message.set_reposition_time_s(point.time.reposition_s);
   message.set_settled(static_cast<double>(point.Claimed()) /
-                      static_cast<double>(std::max<int64_t>(1, point.score.judged)));
+                      static_cast<double>(std::max<int64_t>(1, point.score.measurable)));
   message.set_settled_targets(point.score.satisfied);
   if (point.score.validation_satisfied)
     message.set_fresh_settled_targets(*point.score.validation_satisfied);

@@ -56,7 +56,7 @@ absl::StatusOr<std::vector<ScanCoverage>> MeasuredGainModel::FastCoverage(
     // Information that the scan's points add to those of the measured scans before it.
     const size_t scan_count = scans_.size();
     for (size_t t = 0; t < planned_.priors.size(); ++t) {
-      if (!planned_.judged.judged.Test(t)) continue;
+      if (!planned_.toleranced.bits.Test(t)) continue;
       const auto after = [&](size_t scan) {
         return EquivalentDensity(planned_.priors[t],
                                  planned_.uncertainties.after_each_scan_m[t * scan_count + scan]);
@@ -65,7 +65,7 @@ absl::StatusOr<std::vector<ScanCoverage>> MeasuredGainModel::FastCoverage(
       if (!(added > 0)) continue;
       coverage.shares.targets.push_back(static_cast<uint32_t>(t));
       coverage.shares.share.push_back(
-          static_cast<float>(added / planned_.judged.admissible_density[t]));
+          static_cast<float>(added / planned_.toleranced.admissible_density[t]));
     }
   };
   return AsMeasured(gain_model_->FastCoverage(measurements), measurements, change);
@@ -92,17 +92,17 @@ absl::StatusOr<MeasuredGainModel::Counts> MeasuredGainModel::Count(
       simulated.push_back(scan);
     }
   }
-  const std::vector<uint32_t> judged = FullShares(targets.judged.judged).targets;
-  std::vector<double> density(judged.size(), 0);
+  const std::vector<uint32_t> toleranced_targets = FullShares(targets.toleranced.bits).targets;
+  std::vector<double> density(toleranced_targets.size(), 0);
   std::vector<uint32_t> open;
   std::vector<size_t> open_at;
   std::vector<float> enough_m;
-  for (size_t i = 0; i < judged.size(); ++i) {
-    const uint32_t t = judged[i];
+  for (size_t i = 0; i < toleranced_targets.size(); ++i) {
+    const uint32_t t = toleranced_targets[i];
     if (any_measured) {
       density[i] = EquivalentDensity(targets.priors[t], targets.uncertainties.after_all[t].total_m);
     }
-    const double needed = targets.judged.admissible_density[t];
+    const double needed = targets.toleranced.admissible_density[t];
     if (density[i] >= needed) continue;
     open.push_back(t);
     open_at.push_back(i);
@@ -114,15 +114,16 @@ absl::StatusOr<MeasuredGainModel::Counts> MeasuredGainModel::Count(
     if (!exact.ok()) return exact.status();
     for (size_t k = 0; k < open.size(); ++k) {
       // At "enough" the sum is exactly the needed one, despite rounding.
-      density[open_at[k]] += exact->total_m[k] <= enough_m[k]
-                                 ? targets.judged.admissible_density[open[k]] - density[open_at[k]]
-                                 : EquivalentDensity(targets.priors[open[k]], exact->total_m[k]);
+      density[open_at[k]] +=
+          exact->total_m[k] <= enough_m[k]
+              ? targets.toleranced.admissible_density[open[k]] - density[open_at[k]]
+              : EquivalentDensity(targets.priors[open[k]], exact->total_m[k]);
     }
   }
   Counts counts;
-  for (size_t i = 0; i < judged.size(); ++i) {
-    counts.satisfied += density[i] >= targets.judged.admissible_density[judged[i]];
-    counts.relaxed += density[i] >= targets.judged.relaxed_density[judged[i]];
+  for (size_t i = 0; i < toleranced_targets.size(); ++i) {
+    counts.satisfied += density[i] >= targets.toleranced.admissible_density[toleranced_targets[i]];
+    counts.relaxed += density[i] >= targets.toleranced.relaxed_density[toleranced_targets[i]];
   }
   return counts;
 }
@@ -133,13 +134,13 @@ absl::StatusOr<PlanScore> MeasuredGainModel::ScorePlan(std::span<const Measureme
   PlanScore score;
   auto counts = Count(planned_, scans);
   if (!counts.ok()) return counts.status();
-  score.judged = planned_.judged.judged.Count();
+  score.measurable = planned_.toleranced.bits.Count();
   score.satisfied = counts->satisfied;
   score.relaxed = counts->relaxed;
   if (!fresh_) return score;
   auto fresh = Count(*fresh_, scans);
   if (!fresh.ok()) return fresh.status();
-  score.validation_judged = fresh_->judged.judged.Count();
+  score.validation_measurable = fresh_->toleranced.bits.Count();
   score.validation_satisfied = fresh->satisfied;
   score.validation_relaxed = fresh->relaxed;
   return score;
@@ -153,7 +154,7 @@ absl::StatusOr<std::vector<PlanScore>> MeasuredGainModel::ScoreGrowingPlan(
     auto counts = Count(planned_, scans.first(count));
     if (!counts.ok()) return counts.status();
     PlanScore& score = scores.emplace_back();
-    score.judged = planned_.judged.judged.Count();
+    score.measurable = planned_.toleranced.bits.Count();
     score.satisfied = counts->satisfied;
     score.relaxed = counts->relaxed;
   }

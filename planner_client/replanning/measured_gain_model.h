@@ -20,7 +20,7 @@ struct MeasuredTargets {
   std::vector<int64_t> points;      // one per measured scan
   // Only of plans for uncertainty.
   CoverageClient* client = nullptr;  // must outlive the gain model
-  JudgedTargets judged;
+  TolerancedTargets toleranced;
   std::vector<SurfacePrior> priors;  // one per target
   PointUncertainties uncertainties;
 };

@@ -48,17 +48,17 @@ struct ScanCoverage {
 struct PlanScore {
   int64_t satisfied = 0;
   int64_t relaxed = 0;
-  int64_t judged = 0;
+  int64_t measurable = 0;
   std::optional<int64_t> validation_satisfied;
   std::optional<int64_t> validation_relaxed;
-  int64_t validation_judged = 0;
+  int64_t validation_measurable = 0;
 
   // Satisfied targets that the plan can claim: no larger fraction than of the validation targets.
   int64_t Claimed() const {
-    if (!validation_satisfied || validation_judged == 0) return satisfied;
-    const auto fresh =
-        static_cast<int64_t>(static_cast<double>(*validation_satisfied) /
-                             static_cast<double>(validation_judged) * static_cast<double>(judged));
+    if (!validation_satisfied || validation_measurable == 0) return satisfied;
+    const auto fresh = static_cast<int64_t>(static_cast<double>(*validation_satisfied) /
+                                            static_cast<double>(validation_measurable) *
+                                            static_cast<double>(measurable));
     return fresh < satisfied ? fresh : satisfied;
   }
 };

@@ -106,10 +106,10 @@ absl::StatusOr<PlanScore> PlanRun::Score(std::span<const Measurement> scans, boo
     if (fresh.size() > 0) fresh |= scan->validation_covered;
   }
   PlanScore score;
-  score.judged = measurable_;
+  score.measurable = measurable_;
   score.satisfied = score.relaxed = covered.Count();
   if (fresh.size() > 0) {
-    score.validation_judged = gain_model_.validation_measurable().Count();
+    score.validation_measurable = gain_model_.validation_measurable().Count();
     score.validation_satisfied = score.validation_relaxed = fresh.Count();
   }
   return score;

@@ -183,14 +183,15 @@ void State(ScanCountBoundResult& result) {
         "Any plan needs at least %d scans (lower bound %.2f) for %d of %d targets, by the fast "
         "estimate. The last %d of %d evaluations found no scan that would lower the bound by more "
         "than %.1f %%.",
-        result.scans, result.bound, result.goal_targets, result.judged_targets,
+        result.scans, result.bound, result.goal_targets, result.measurable_targets,
         result.last_round_evaluations, result.evaluations, 100 * kTolerance);
   } else {
     result.statement = absl::StrFormat(
         "About %d scans (%.2f) are needed for %d of %d targets by the fast estimate, but this is "
         "no lower bound yet. The search for better scans stopped after %d evaluations while it "
         "still found some: more evaluations (--bound-evaluations) can change the number.",
-        result.scans, result.bound, result.goal_targets, result.judged_targets, result.evaluations);
+        result.scans, result.bound, result.goal_targets, result.measurable_targets,
+        result.evaluations);
   }
 }
 
@@ -215,7 +216,7 @@ class BoundSearch {
     if (!status.ok() && !Interrupted()) return status;
     result_.evaluations = Used();
     result_.goal_targets = goal_targets_;
-    result_.judged_targets = measurable_.Count();
+    result_.measurable_targets = measurable_.Count();
     result_.weights = std::move(best_weights_);
     State(result_);
     return result_;

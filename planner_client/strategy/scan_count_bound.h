@@ -44,10 +44,10 @@ struct ScanCountBoundResult {
   int64_t last_round_evaluations = 0;
   std::vector<Measurement> generated_columns;  // feasible ones that the weights were made from
   int rounds = 0;
-  int64_t goal_targets = 0;     // G
-  int64_t judged_targets = 0;   // measurable
-  std::vector<double> weights;  // pi, one for every target
-  std::string statement;        // the result in words, with the extent of the search
+  int64_t goal_targets = 0;        // G
+  int64_t measurable_targets = 0;  // measurable
+  std::vector<double> weights;     // pi, one for every target
+  std::string statement;           // the result in words, with the extent of the search
 };
 
 struct ScanCountBoundProgress {

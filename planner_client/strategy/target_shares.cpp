@@ -20,20 +20,20 @@ void AddShares(const TargetShares& scan, std::span<float> known) {
   for (size_t i = 0; i < scan.targets.size(); ++i) known[scan.targets[i]] += scan.share[i];
 }
 
-TargetBits Satisfied(const TargetBits& judged, std::span<const float> known) {
-  TargetBits satisfied(judged.size());
+TargetBits Satisfied(const TargetBits& measurable, std::span<const float> known) {
+  TargetBits satisfied(measurable.size());
   for (size_t t = 0; t < known.size(); ++t) {
     if (known[t] >= 1) satisfied.Set(t);
   }
-  satisfied &= judged;
+  satisfied &= measurable;
   return satisfied;
 }
 
-double StepWorth(std::span<const ShareStep> steps, const TargetBits& judged,
+double StepWorth(std::span<const ShareStep> steps, const TargetBits& measurable,
                  std::span<const float> known) {
   double worth = 0;
   for (size_t t = 0; t < known.size(); ++t) {
-    if (!judged.Test(t)) continue;
+    if (!measurable.Test(t)) continue;
     for (const ShareStep& step : steps) {
       if (known[t] >= step.of(t)) worth += step.weight;
     }
@@ -41,12 +41,12 @@ double StepWorth(std::span<const ShareStep> steps, const TargetBits& judged,
   return worth;
 }
 
-double StepGain(std::span<const ShareStep> steps, const TargetBits& judged,
+double StepGain(std::span<const ShareStep> steps, const TargetBits& measurable,
                 std::span<const float> known, const TargetShares& scan) {
   double gain = 0;
   for (size_t i = 0; i < scan.targets.size(); ++i) {
     const size_t t = scan.targets[i];
-    if (!judged.Test(t)) continue;
+    if (!measurable.Test(t)) continue;
     for (const ShareStep& step : steps) {
       const float threshold = step.of(t);
       if (known[t] < threshold && known[t] + scan.share[i] >= threshold) gain += step.weight;

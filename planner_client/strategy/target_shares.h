@@ -26,8 +26,8 @@ TargetShares FullShares(const TargetBits& satisfied);
 // Adds a scan's fractions to the accumulated information of all targets.
 void AddShares(const TargetShares& scan, std::span<float> known);
 
-// Targets of `judged` with an accumulated fraction of at least 1.
-TargetBits Satisfied(const TargetBits& judged, std::span<const float> known);
+// Targets of `measurable` with an accumulated fraction of at least 1.
+TargetBits Satisfied(const TargetBits& measurable, std::span<const float> known);
 
 // Worth of a target's accumulated information reaching a threshold.
 struct ShareStep {
@@ -37,11 +37,11 @@ struct ShareStep {
 };
 
 // Sum over targets of the weights of the steps that their accumulated information reaches.
-double StepWorth(std::span<const ShareStep> steps, const TargetBits& judged,
+double StepWorth(std::span<const ShareStep> steps, const TargetBits& measurable,
                  std::span<const float> known);
 
 // Sum over the scan's targets of the worth that it adds to the accumulated information.
-double StepGain(std::span<const ShareStep> steps, const TargetBits& judged,
+double StepGain(std::span<const ShareStep> steps, const TargetBits& measurable,
                 std::span<const float> known, const TargetShares& scan);
 
 }  // namespace sightline

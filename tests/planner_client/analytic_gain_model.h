@@ -185,7 +185,7 @@ class ShareGainModel final : public GainModel {
     const int64_t satisfied = Satisfied(judged_, known).Count();
     PlanScore score;
     score.satisfied = score.relaxed = satisfied;
-    score.judged = kTargets;
+    score.measurable = kTargets;
     return score;
   }
   absl::StatusOr<std::vector<PlanScore>> ScoreGrowingPlan(

@@ -61,9 +61,9 @@ absl::StatusOr<std::optional<v1::NextScan>> FindNextScan(const NextScanQuestion&
                                             " targets of the part, the verdict ",
                                             judged.needed_uncertainty_m.size()));
   }
-  const JudgedTargets needed = JudgeTargets(client, *inspection.uncertainty, inspection.targets,
-                                            judged.needed_uncertainty_m, relaxed_m);
-  if (needed.judged.Count() == 0) return std::nullopt;
+  const TolerancedTargets needed = FindTolerancedTargets(
+      client, *inspection.uncertainty, inspection.targets, judged.needed_uncertainty_m, relaxed_m);
+  if (needed.bits.Count() == 0) return std::nullopt;
   auto simulated = std::make_unique<UncertaintyGainModel>(
       UncertaintyGainModel::Sampling{&client, needed}, UncertaintyGainModel::Sampling{nullptr, {}},
       *inspection.uncertainty, inspection.goal.gain, relaxed_m);
@@ -83,7 +83,7 @@ absl::StatusOr<std::optional<v1::NextScan>> FindNextScan(const NextScanQuestion&
   if (plan->score.satisfied <= score->satisfied) return std::nullopt;
   v1::NextScan next;
   *next.mutable_measurement() = MeasurementToProto(plan->scans.back().measurement);
-  next.set_open_targets(needed.judged.Count() - score->satisfied);
+  next.set_open_targets(needed.bits.Count() - score->satisfied);
   next.set_settled_targets(plan->score.satisfied - score->satisfied);
   for (const v1::InspectedFeature& feature : judged.result.features()) {
     if (feature.decision() == v1::InspectedFeature::UNDECIDED) next.add_features(feature.name());

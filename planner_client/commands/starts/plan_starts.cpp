@@ -51,7 +51,7 @@ StartResult StartOf(const PlannerResult& result, const v1::Plan& plan,
   start.stop_reason = result.stop_reason;
   start.evaluations = plan.gain_evaluations();
   start.satisfied = static_cast<double>(result.score.Claimed()) /
-                    static_cast<double>(std::max<int64_t>(1, result.score.judged));
+                    static_cast<double>(std::max<int64_t>(1, result.score.measurable));
   start.cost = plan.cost().total();
   for (const ChosenScan& scan : result.scans) {
     start.scans.push_back({scan.measurement, scan.locked});

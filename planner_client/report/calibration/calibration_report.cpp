@@ -151,14 +151,6 @@ ReportBlocks LightBlocks(const CalibrationResult& result) {
   const FrameLight& light = result.light;
   if (light.frame_count == 0) return {};
   ReportBlocks blocks = SentenceBlocks("Found", LightFindings(light));
-  if (light.print_over_paper_error > 0) {
-    blocks.push_back(RemarkBlock(absl::StrCat(
-        "The halo's change from far to near, dark squares over light ones: ",
-        FixedNumber(light.print_over_paper, 2), " (standard error ",
-        FixedNumber(light.print_over_paper_error, 2),
-        "). Light on the board gives the ratio of the reflectances of print and paper, light that "
-        "lens or sensor spread gives 1.")));
-  }
   blocks.push_back(
       TableBlock("Light of frames that are left out",
                  {WordsColumn("model"), NumberColumn("error of tiles, rms", "DN")},

@@ -57,18 +57,18 @@ std::vector<v1::UncertaintyLimit> UncertaintyLimits(const TargetUncertainties& u
                                                     std::span<const int32_t> points,
                                                     std::span<const int32_t> regions) {
   const size_t count = u.total_m.size();
-  const auto judged = [&](size_t t) { return measurable.Test(t) && u.admissible_m[t] > 0; };
+  const auto toleranced = [&](size_t t) { return measurable.Test(t) && u.admissible_m[t] > 0; };
   const auto admissible = [&](size_t t) { return u.total_m[t] <= u.admissible_m[t]; };
   std::map<int32_t, std::vector<size_t>> known_in;  // by region
   for (size_t t = 0; t < count; ++t) {
-    if (judged(t) && covered.Test(t) && admissible(t)) known_in[regions[t]].push_back(t);
+    if (toleranced(t) && covered.Test(t) && admissible(t)) known_in[regions[t]].push_back(t);
   }
   std::map<int32_t, Usual> usual_in;
   for (const auto& [region, known] : known_in) usual_in[region] = UsualOf(u, points, known);
 
   std::vector<v1::UncertaintyLimit> limits(count, v1::UNCERTAINTY_LIMIT_UNSPECIFIED);
   for (size_t t = 0; t < count; ++t) {
-    if (!judged(t) || admissible(t)) continue;
+    if (!toleranced(t) || admissible(t)) continue;
     if (!covered.Test(t)) {
       limits[t] = v1::UNCERTAINTY_LIMIT_NOT_COVERED;
       continue;

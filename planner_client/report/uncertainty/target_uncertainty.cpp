@@ -33,7 +33,7 @@ UncertaintyClass ClassOfTarget(const TargetUncertainties& uncertainties,
                                const TargetBits& measurable, size_t target) {
   if (!measurable.Test(target)) return UncertaintyClass::kNotMeasurable;
   const double admissible_m = uncertainties.admissible_m[target];
-  if (admissible_m == 0) return UncertaintyClass::kNotJudged;
+  if (admissible_m == 0) return UncertaintyClass::kNotToleranced;
   const double total_m = uncertainties.total_m[target];
   if (total_m <= admissible_m) return UncertaintyClass::kAdmissible;
   return total_m <= uncertainties.relaxed_m ? UncertaintyClass::kRelaxed

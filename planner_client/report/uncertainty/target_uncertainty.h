@@ -28,7 +28,7 @@ struct ScanSensitivityMap {
 struct TargetUncertainties {
   std::vector<double> total_m, noise_m, sampling_m, calibration_m;
   std::vector<double> registration_m;  // empty: no set-ups are joined
-  std::vector<double> admissible_m;    // 0: no tolerance binds the target, it is not judged
+  std::vector<double> admissible_m;    // 0: no tolerance binds the target
   double relaxed_m = 0;                // 0: none
   // The limit of each target that is not admissible (inadmissible.h); empty: not told apart.
   std::vector<v1::UncertaintyLimit> limits;
@@ -43,7 +43,7 @@ enum class UncertaintyClass : uint8_t {
   kAdmissible = 0,     // u <= admissible uncertainty
   kRelaxed = 1,        // above it, u <= relaxed uncertainty
   kNotReached = 2,     // above both
-  kNotJudged = 3,      // measurable, but no tolerance binds it
+  kNotToleranced = 3,  // measurable, but no tolerance binds it
   kNotMeasurable = 4,  // by no scan whatever
 };
 inline constexpr int kUncertaintyClasses = 5;

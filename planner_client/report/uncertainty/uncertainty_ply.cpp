@@ -89,8 +89,9 @@ absl::StatusOr<std::string> UncertaintyPly(const TargetSet& targets,
     return status;
   std::string bytes = absl::StrCat(
       "ply\nformat binary_little_endian 1.0\ncomment lengths in metres, part coordinates\n"
-      "comment standard uncertainty along the normal and its parts; admissible_m 0: not judged\n"
-      "comment class 0 admissible, 1 relaxed, 2 not reached, 3 not judged, 4 not measurable\n"
+      "comment standard uncertainty along the normal and its parts; admissible_m 0: not "
+      "toleranced\n"
+      "comment class 0 admissible, 1 relaxed, 2 not reached, 3 not toleranced, 4 not measurable\n"
       "element vertex ",
       count, "\n");
   for (const char* property :

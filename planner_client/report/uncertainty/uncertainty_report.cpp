@@ -40,13 +40,13 @@ bool GoalReached(const v1::PlanUncertainty& uncertainty) {
 }
 
 std::vector<double> CumulativeFractions(const v1::Plan& plan, bool relaxed) {
-  const double judged =
+  const double toleranced =
       std::max<double>(1, static_cast<double>(plan.uncertainty().judged_targets()));
   std::vector<double> fractions;
   for (const v1::PlannedScan& scan : plan.scans()) {
     fractions.push_back(static_cast<double>(relaxed ? scan.cumulative_relaxed_targets()
                                                     : scan.cumulative_admissible_targets()) /
-                        judged);
+                        toleranced);
   }
   return fractions;
 }
@@ -272,8 +272,8 @@ ReportBlocks UncertaintyCurveBlocks(const v1::Plan& plan) {
   curve.goal = uncertainty.goal();
   curve.bound_scans = uncertainty.bound().scans();
   curve.bound_converged = uncertainty.bound().converged();
-  curve.title = "Part of the judged surface that is admissible, and relaxed, after each scan";
-  curve.axis = "known well enough, of the judged surface";
+  curve.title = "Part of the toleranced surface that is admissible, and relaxed, after each scan";
+  curve.axis = "known well enough, of the toleranced surface";
   curve.coverage_name = "uncertainty admissible";
   curve.upper_name =
       absl::StrCat("admissible, or at most ",
@@ -333,37 +333,38 @@ ReportBlocks FeatureBlocks(const v1::Plan& plan, bool selectable) {
 
 ReportBlocks InadmissibleBlocks(const TargetUncertainties& uncertainties,
                                 const TargetBits& measurable) {
-  int64_t judged = 0, inadmissible = 0;
+  int64_t toleranced = 0, inadmissible = 0;
   std::map<v1::UncertaintyLimit, int64_t> relaxed;
   for (size_t i = 0; i < uncertainties.total_m.size(); ++i) {
     const UncertaintyClass kind = ClassOfTarget(uncertainties, measurable, i);
-    if (kind == UncertaintyClass::kNotJudged || kind == UncertaintyClass::kNotMeasurable) continue;
-    ++judged;
+    if (kind == UncertaintyClass::kNotToleranced || kind == UncertaintyClass::kNotMeasurable)
+      continue;
+    ++toleranced;
     if (kind == UncertaintyClass::kAdmissible) continue;
     ++inadmissible;
     if (i < uncertainties.limits.size() && kind == UncertaintyClass::kRelaxed) {
       ++relaxed[uncertainties.limits[i]];
     }
   }
-  if (judged == 0) return {TextBlock("No tolerance binds a measurable target.")};
+  if (toleranced == 0) return {TextBlock("No tolerance binds a measurable target.")};
   if (inadmissible == 0) return {TextBlock("None: every toleranced target is admissible.")};
   std::vector<ReportCells> rows;
   for (const v1::InadmissibleCount& count : CountInadmissible(uncertainties)) {
     const int64_t only_relaxed = relaxed[count.limit()];
     const double excess = count.median_uncertainty_over_admissible();
     rows.push_back({TextCell(LimitWords(count.limit())), CountCell(count.targets()),
-                    FractionCell(count.targets(), judged, 1), CountCell(only_relaxed),
+                    FractionCell(count.targets(), toleranced, 1), CountCell(only_relaxed),
                     CountCell(count.targets() - only_relaxed),
                     NumberCell(excess, FixedNumber(excess, 2)),
                     TextCell(WhatHelps(count.limit()))});
   }
   return {RemarkBlock(absl::StrCat(
-              GroupedInteger(inadmissible), " of ", GroupedInteger(judged),
+              GroupedInteger(inadmissible), " of ", GroupedInteger(toleranced),
               " toleranced targets, by the largest part of their uncertainty after all scans; of "
               "noise, by what differs most from the places that are known well enough.")),
           TableBlock("Why targets are not admissible",
                      {WordsColumn("what limits it"), NumberColumn("targets"),
-                      NumberColumn("of the judged"), NumberColumn("only relaxed"),
+                      NumberColumn("of the toleranced"), NumberColumn("only relaxed"),
                       NumberColumn("not reached"), NumberColumn("u over admissible"),
                       WordsColumn("what helps")},
                      rows)};

@@ -82,10 +82,10 @@ PoolPlan Annealed(Exchanges exchanges, size_t scans, size_t fixed, double goal, 
 
 }  // namespace
 
-std::vector<uint32_t> TargetSample(const TargetBits& judged, size_t steps, size_t pairs,
+std::vector<uint32_t> TargetSample(const TargetBits& measurable, size_t steps, size_t pairs,
                                    Random& random) {
   const size_t size = pairs / std::max<size_t>(1, steps);
-  std::vector<uint32_t> sample = FullShares(judged).targets;
+  std::vector<uint32_t> sample = FullShares(measurable).targets;
   if (sample.size() <= size * 5 / 4) return sample;
   for (size_t i = 0; i < size; ++i) {
     const auto left = static_cast<int64_t>(sample.size() - i);

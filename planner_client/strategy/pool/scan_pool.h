@@ -18,7 +18,7 @@ namespace sightline {
 // Targets that a pool may look at, ascending: all toleranced ones, or a random part of `pairs` /
 // `steps` of them where pairs of a target and one of `steps` steps of its worth are clearly more
 // than `pairs`.
-std::vector<uint32_t> TargetSample(const TargetBits& judged, size_t steps, size_t pairs,
+std::vector<uint32_t> TargetSample(const TargetBits& measurable, size_t steps, size_t pairs,
                                    Random& random);
 
 // Fractions of every step's threshold that the pool's scans give to some of the targets, in units

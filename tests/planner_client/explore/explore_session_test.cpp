@@ -286,7 +286,7 @@ class TwiceGainModel : public FunctionGainModel {
       for (const ScanCoverage& scan : *scans) times += scan.covered.Test(t);
       score.satisfied += times >= 2;
     }
-    score.judged = kLineTargets;
+    score.measurable = kLineTargets;
     return score;
   }
   int scored = 0;

@@ -15,7 +15,7 @@ ParetoPoint Point(int scans, double seconds, int64_t satisfied, bool goal = fals
   point.scans.resize(static_cast<size_t>(scans));
   point.time.scan_s = seconds;
   point.score.satisfied = satisfied;
-  point.score.judged = 100;
+  point.score.measurable = 100;
   point.reaches_goal = goal;
   return point;
 }
@@ -32,7 +32,7 @@ TEST(ParetoFrontTest, APointDominatesWhatIsNowhereBetter) {
 TEST(ParetoFrontTest, WhatCountsIsWhatAPlanCanClaim) {
   // As good on its own targets, worse on validation targets.
   ParetoPoint a = Point(2, 10, 50), b = Point(2, 10, 50);
-  a.score.validation_judged = b.score.validation_judged = 100;
+  a.score.validation_measurable = b.score.validation_measurable = 100;
   a.score.validation_satisfied = 50;
   b.score.validation_satisfied = 40;
   EXPECT_TRUE(Dominates(a, b));

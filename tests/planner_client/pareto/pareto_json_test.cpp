@@ -45,9 +45,9 @@ ParetoPoint FrontPoint(int scans, double seconds, int64_t satisfied, int64_t fre
   point.time.frame_rate_s = 0.25 * seconds;
   point.time.reposition_s = 2.0 * (scans - 1);
   point.score.satisfied = satisfied;
-  point.score.judged = 100;
+  point.score.measurable = 100;
   point.score.validation_satisfied = fresh;
-  point.score.validation_judged = 50;
+  point.score.validation_measurable = 50;
   point.reaches_goal = point.Claimed() >= 95;
   return point;
 }

@@ -124,8 +124,8 @@ absl::Status AddValidation(const PlanningSession& session, std::span<const Measu
   if (session.measured_gain_model != nullptr) {
     auto score = session.gain_model->ScorePlan(scans, true);
     if (!score.ok()) return score.status();
-    const auto all = static_cast<double>(std::max<int64_t>(1, score->validation_judged));
-    message.set_fresh_judged_targets(score->validation_judged);
+    const auto all = static_cast<double>(std::max<int64_t>(1, score->validation_measurable));
+    message.set_fresh_judged_targets(score->validation_measurable);
     message.set_fresh_admissible_fraction(static_cast<double>(*score->validation_satisfied) / all);
     message.set_fresh_relaxed_fraction(static_cast<double>(*score->validation_relaxed) / all);
     return absl::OkStatus();
@@ -139,15 +139,15 @@ absl::Status AddValidation(const PlanningSession& session, std::span<const Measu
   const std::vector<float> admissible_m =
       session.requirements->AdmissibleUncertainties(client.targets());
   const auto relaxed_m = static_cast<float>(session.requirements->relaxed_uncertainty_m);
-  int64_t judged = 0, admissible = 0, relaxed = 0;
+  int64_t toleranced = 0, admissible = 0, relaxed = 0;
   for (size_t t = 0; t < admissible_m.size(); ++t) {
     if (!client.measurable().Test(t) || !(admissible_m[t] > 0)) continue;
-    ++judged;
+    ++toleranced;
     admissible += exact->total_m[t] <= admissible_m[t];
     relaxed += exact->total_m[t] <= std::max(admissible_m[t], relaxed_m);
   }
-  const auto total = static_cast<double>(std::max<int64_t>(1, judged));
-  message.set_fresh_judged_targets(judged);
+  const auto total = static_cast<double>(std::max<int64_t>(1, toleranced));
+  message.set_fresh_judged_targets(toleranced);
   message.set_fresh_admissible_fraction(static_cast<double>(admissible) / total);
   message.set_fresh_relaxed_fraction(static_cast<double>(relaxed) / total);
   return absl::OkStatus();
@@ -210,14 +210,14 @@ absl::Status AddUncertainty(const PlanningSession& session, PlanDocument& docume
   if (!knowledge.ok()) return knowledge.status();
 
   v1::PlanUncertainty& message = *document.plan.mutable_uncertainty();
-  std::vector<float> judged_m;
+  std::vector<float> uncertainty_m;
   std::vector<int64_t> admissible(feasible.size(), 0), relaxed(feasible.size(), 0);
   int64_t all_admissible = 0, all_relaxed = 0;
   for (size_t t = 0; t < admissible_m.size(); ++t) {
     if (!(admissible_m[t] > 0)) continue;
     const float loose_m = std::max(admissible_m[t], relaxed_m);
     const float u_m = document.uncertainties.total_m[t];
-    judged_m.push_back(u_m);
+    uncertainty_m.push_back(u_m);
     all_admissible += u_m <= admissible_m[t];
     all_relaxed += u_m <= loose_m;
     for (size_t s = 0; s < feasible.size(); ++s) {
@@ -238,16 +238,17 @@ absl::Status AddUncertainty(const PlanningSession& session, PlanDocument& docume
     document.plan.mutable_scans(i)->set_cumulative_admissible_targets(admissible_so_far);
     document.plan.mutable_scans(i)->set_cumulative_relaxed_targets(relaxed_so_far);
   }
-  const auto count = static_cast<int64_t>(judged_m.size());
+  const auto count = static_cast<int64_t>(uncertainty_m.size());
   const auto total = static_cast<double>(std::max<int64_t>(1, count));
   message.set_judged_targets(count);
   message.set_admissible_fraction(static_cast<double>(all_admissible) / total);
   message.set_relaxed_fraction(static_cast<double>(all_relaxed) / total);
   message.set_goal(*session.inspection.goal.admissible);
   message.set_relaxed_uncertainty_m(requirements.relaxed_uncertainty_m);
-  if (!judged_m.empty()) {
-    const auto middle = judged_m.begin() + static_cast<std::ptrdiff_t>(judged_m.size() / 2);
-    std::nth_element(judged_m.begin(), middle, judged_m.end());
+  if (!uncertainty_m.empty()) {
+    const auto middle =
+        uncertainty_m.begin() + static_cast<std::ptrdiff_t>(uncertainty_m.size() / 2);
+    std::nth_element(uncertainty_m.begin(), middle, uncertainty_m.end());
     message.set_median_uncertainty_m(*middle);
   }
   for (v1::InadmissibleCount& inadmissible :

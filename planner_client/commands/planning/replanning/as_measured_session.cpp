@@ -33,12 +33,13 @@ std::shared_ptr<const TriangleMesh> FixedToHolder(const TriangleMesh& mesh, cons
   return moved;
 }
 
-std::optional<JudgedTargets> JudgedOf(const PlanningSession& session, CoverageClient& client) {
+std::optional<TolerancedTargets> TolerancedOf(const PlanningSession& session,
+                                              CoverageClient& client) {
   if (!session.ForUncertainty()) return std::nullopt;
   const Requirements& requirements = *session.requirements;
-  return JudgeTargets(client, *session.inspection.uncertainty, session.inspection.targets,
-                      requirements.AdmissibleUncertainties(client.targets()),
-                      requirements.relaxed_uncertainty_m);
+  return FindTolerancedTargets(client, *session.inspection.uncertainty, session.inspection.targets,
+                               requirements.AdmissibleUncertainties(client.targets()),
+                               requirements.relaxed_uncertainty_m);
 }
 
 // A rigid motion from a text of 16 numbers, row by row.
@@ -141,7 +142,7 @@ void PrintPointCounts(const MeasuredPart& part) {
 }
 
 MeasuredTargets MeasuredTargetsOf(const PlanningSession& session, CoverageClient& client,
-                                  std::optional<JudgedTargets> judged) {
+                                  std::optional<TolerancedTargets> toleranced) {
   const Inspection& inspection = session.inspection;
   const std::vector<const IndexedScan*> scans = session.measured->ScanPointers();
   MeasuredTargets targets;
@@ -151,9 +152,9 @@ MeasuredTargets MeasuredTargetsOf(const PlanningSession& session, CoverageClient
     targets.points.push_back(static_cast<int64_t>(scan->points.positions_m.size()) +
                              scan->points.off_model);
   }
-  if (!judged) return targets;
+  if (!toleranced) return targets;
   targets.client = &client;
-  targets.judged = *std::move(judged);
+  targets.toleranced = *std::move(toleranced);
   targets.priors = PriorsOf(client.targets(), inspection.targets, *inspection.uncertainty);
   targets.uncertainties = UncertaintiesFromPoints(
       client.targets(), targets.priors, inspection.targets.max_normal_angle_rad, scans, 0);
@@ -244,10 +245,10 @@ std::function<absl::Status(PlanningSession&, CoverageTask&)> PutMeasuredPart(
 
 absl::Status AskMeasuredPoints(const EarlierPlan& earlier, PlanningSession* session) {
   CoverageClient& client = *session->client;
-  MeasuredTargets planned = MeasuredTargetsOf(*session, client, JudgedOf(*session, client));
+  MeasuredTargets planned = MeasuredTargetsOf(*session, client, TolerancedOf(*session, client));
   std::optional<MeasuredTargets> fresh;
   if (CoverageClient* other = session->validation_client.get()) {
-    fresh = MeasuredTargetsOf(*session, *other, JudgedOf(*session, *other));
+    fresh = MeasuredTargetsOf(*session, *other, TolerancedOf(*session, *other));
   }
   auto gain_model = std::make_unique<MeasuredGainModel>(
       std::move(session->gain_model), earlier.Measured(), std::move(planned), std::move(fresh),

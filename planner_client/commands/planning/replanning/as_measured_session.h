@@ -55,10 +55,10 @@ absl::StatusOr<EarlierPlan> LockMeasuredScans(const AsMeasuredOptions& options,
 absl::Status PutFoundPart(std::shared_ptr<const MeasuredPart> measured, PlanningSession& session,
                           CoverageTask& task);
 
-// Information of the points about the targets of a client's scene; `judged` only for plans for
+// Information of the points about the targets of a client's scene; `toleranced` only for plans for
 // uncertainty.
 MeasuredTargets MeasuredTargetsOf(const PlanningSession& session, CoverageClient& client,
-                                  std::optional<JudgedTargets> judged);
+                                  std::optional<TolerancedTargets> toleranced);
 
 // Makes SessionOptions::before_upload for such a plan: finds the part by the points and puts it
 // in the place of the CAD model. `earlier` must outlive the call of the returned function.

@@ -123,8 +123,9 @@ absl::Status MakeGainModel(PlanningSession& session) {
     std::vector<float> admissible_m = requirements.AdmissibleUncertainties(client->targets());
     const float margin = shared ? kSharedErrorMargin : 1;
     for (float& u_m : admissible_m) u_m *= margin;
-    return {client, JudgeTargets(*client, model, session.inspection.targets,
-                                 std::move(admissible_m), requirements.relaxed_uncertainty_m)};
+    return {client,
+            FindTolerancedTargets(*client, model, session.inspection.targets,
+                                  std::move(admissible_m), requirements.relaxed_uncertainty_m)};
   };
   auto gain_model = std::make_unique<UncertaintyGainModel>(
       judge(session.client.get()), judge(session.validation_client.get()), model,

@@ -91,7 +91,7 @@ v1::ReportChart ParetoChart(const v1::ParetoFront& front) {
   v1::ReportChart chart;
   *chart.mutable_x() = front.has_costs() ? AxisOf("time to execute", "s") : AxisOf("scans", "");
   chart.mutable_x()->set_whole_numbers(!front.has_costs());
-  *chart.mutable_y() = AxisOf(front.for_uncertainty() ? "admissible, of the judged surface"
+  *chart.mutable_y() = AxisOf(front.for_uncertainty() ? "admissible, of the toleranced surface"
                                                       : "measured, of the measurable surface",
                               "%");
   chart.set_title(front.has_costs() ? "Satisfied surface against time, by number of scans"

@@ -84,9 +84,9 @@ ReportCells RowOf(const ReportData& data, int i) {
       CountCell(scan.new_targets()),
       Fraction(scan.cumulative_targets(), data.plan.coverage().measurable_targets())};
   if (data.plan.has_uncertainty()) {
-    const int64_t judged = data.plan.uncertainty().judged_targets();
-    row.push_back(Fraction(scan.cumulative_admissible_targets(), judged));
-    row.push_back(Fraction(scan.cumulative_relaxed_targets(), judged));
+    const int64_t toleranced = data.plan.uncertainty().judged_targets();
+    row.push_back(Fraction(scan.cumulative_admissible_targets(), toleranced));
+    row.push_back(Fraction(scan.cumulative_relaxed_targets(), toleranced));
   }
   return row;
 }

@@ -60,7 +60,7 @@ ReportData SampleUncertaintyPlan() {
   TargetUncertainties u;
   u.relaxed_m = 1e-3;
   data.measurable = TargetBits(100);
-  int64_t admissible = 0, relaxed = 0, judged = 0;
+  int64_t admissible = 0, relaxed = 0, toleranced = 0;
   for (int i = 0; i < 100; ++i) {
     const int column = i % 10, row = i / 10;
     data.targets.positions_m.push_back(
@@ -76,7 +76,7 @@ ReportData SampleUncertaintyPlan() {
     u.total_m.push_back(1e-6 * std::hypot(parts.noise_um, parts.sampling_um, parts.calibration_um));
     u.admissible_m.push_back(column == 0 ? 0 : 50e-6);
     if (column == 0 || i == 1) continue;
-    ++judged;
+    ++toleranced;
     admissible += column <= 2;
     relaxed += column <= 6;
   }
@@ -118,10 +118,10 @@ ReportData SampleUncertaintyPlan() {
   coverage.set_coverage(79.0 / 99);
   coverage.set_goal(0.95);
   v1::PlanUncertainty& uncertainty = *data.plan.mutable_uncertainty();
-  uncertainty.set_judged_targets(judged);
+  uncertainty.set_judged_targets(toleranced);
   uncertainty.set_admissible_fraction(static_cast<double>(admissible) /
-                                      static_cast<double>(judged));
-  uncertainty.set_relaxed_fraction(static_cast<double>(relaxed) / static_cast<double>(judged));
+                                      static_cast<double>(toleranced));
+  uncertainty.set_relaxed_fraction(static_cast<double>(relaxed) / static_cast<double>(toleranced));
   uncertainty.set_fresh_admissible_fraction(0.2);
   uncertainty.set_fresh_relaxed_fraction(0.6);
   uncertainty.set_fresh_judged_targets(1234);

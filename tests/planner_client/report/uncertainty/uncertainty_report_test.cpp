@@ -71,8 +71,9 @@ TEST(TargetUncertainty, ClassesIncludeTheirLimits) {
   TargetBits measurable(7);
   for (size_t i = 0; i < 6; ++i) measurable.Set(i);
   const std::vector<UncertaintyClass> expected = {
-      UncertaintyClass::kAdmissible,   UncertaintyClass::kAdmissible, UncertaintyClass::kRelaxed,
-      UncertaintyClass::kRelaxed,      UncertaintyClass::kNotReached, UncertaintyClass::kNotJudged,
+      UncertaintyClass::kAdmissible,   UncertaintyClass::kAdmissible,
+      UncertaintyClass::kRelaxed,      UncertaintyClass::kRelaxed,
+      UncertaintyClass::kNotReached,   UncertaintyClass::kNotToleranced,
       UncertaintyClass::kNotMeasurable};
   for (size_t i = 0; i < expected.size(); ++i)
     EXPECT_EQ(ClassOfTarget(u, measurable, i), expected[i]) << i;
@@ -212,7 +213,7 @@ TEST(UncertaintyLimits, NoiseIsComparedWithWhatIsKnown) {
       AllOf(HasSubstr("4 toleranced targets are not known well enough: noise of line detection"),
             HasSubstr("(1, u 1.2 times the admissible)"), HasSubstr("(1, u 2 times")));
   EXPECT_EQ(SummariseInadmissible({}), "");
-  // Not covered, not judged, not measurable.
+  // Not covered, not toleranced, not measurable.
   TargetBits covered = all, measurable = all;
   covered.Reset(4);
   measurable.Reset(3);

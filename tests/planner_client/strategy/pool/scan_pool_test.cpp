@@ -91,8 +91,8 @@ TEST(ScanPoolTest, WorthAgreesWithSharesUpToTheirRounding) {
   std::iota(all.begin(), all.end(), 0u);
   const std::vector<ShareStep> steps = {{1.0, {1.0f}}, {0.5, {0.5f}}};
   ScanPool pool(steps, all);
-  TargetBits judged(targets);
-  for (size_t t = 0; t < targets; ++t) judged.Set(t);
+  TargetBits measurable(targets);
+  for (size_t t = 0; t < targets; ++t) measurable.Set(t);
   std::vector<float> known(targets, 0);
   double gains = 0;
   PoolPlan plan;
@@ -104,12 +104,12 @@ TEST(ScanPoolTest, WorthAgreesWithSharesUpToTheirRounding) {
       shares.share.push_back(static_cast<float>(0.05 + random.Uniform()));
     }
     plan.push_back(pool.Add(shares));
-    gains += StepGain(steps, judged, known, shares);
+    gains += StepGain(steps, measurable, known, shares);
     AddShares(shares, known);
-    EXPECT_NEAR(gains, StepWorth(steps, judged, known), 1e-6);
+    EXPECT_NEAR(gains, StepWorth(steps, measurable, known), 1e-6);
   }
   // A share is rounded to 1/127, so that few sums of six near a step are counted otherwise.
-  EXPECT_NEAR(pool.Worth(plan), StepWorth(steps, judged, known), 0.02 * targets);
+  EXPECT_NEAR(pool.Worth(plan), StepWorth(steps, measurable, known), 0.02 * targets);
 }
 
 // By sums of shares and by bits a plan is worth the same, before and after exchanges, with every
