@@ -75,7 +75,8 @@ def main():
     print(f"{'points':>10} {'s':>8} {'of the first':>13} {'largest MB so far':>18}")
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
-        run([bench.SIGHTLINE, "plan", INSPECTION, "--bound-evaluations", 0, "--out", folder / "plan"])
+        run([bench.SIGHTLINE, "plan", INSPECTION, "--bound-evaluations", 0, "--evaluations-per-scan", 500, "--no-pictures",
+             "--no-fresh-targets", "--out", folder / "plan"])
         exact = []
         for scan in sorted((folder / "plan/points").glob("*.ply")):
             exact += exact_points(scan)
