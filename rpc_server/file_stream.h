@@ -13,6 +13,7 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
+#include "core/status/status_macros.h"
 #include "rpc_server/call_tracker.h"
 
 namespace sightline {
@@ -30,14 +31,13 @@ absl::Status SendChunks(CallTracker* calls, grpc::ServerContext* context,
   file.seekg(begin);
   std::string chunk;
   for (int64_t left = end - begin; left > 0;) {
-    if (absl::Status stop = calls->CheckStop(context); !stop.ok()) return stop;
+    SIGHTLINE_RETURN_IF_ERROR(calls->CheckStop(context));
     chunk.resize(static_cast<size_t>(std::min(left, kSentChunkBytes)));
     if (!file.read(chunk.data(), static_cast<std::streamsize>(chunk.size()))) {
       return absl::DataLossError(absl::StrCat(name, ": cannot be read any more"));
     }
     response->set_chunk(chunk);
-    absl::Status sent = calls->Write(context, [&] { return writer->Write(*response); });
-    if (!sent.ok()) return sent;
+    SIGHTLINE_RETURN_IF_ERROR(calls->Write(context, [&] { return writer->Write(*response); }));
     left -= static_cast<int64_t>(chunk.size());
   }
   return absl::OkStatus();

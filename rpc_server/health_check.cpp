@@ -18,6 +18,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -51,11 +52,10 @@ absl::StatusOr<std::shared_ptr<grpc::ChannelCredentials>> Credentials(
     return absl::InvalidArgumentError("--tls-cert and --tls-key belong together");
   }
   if (options.tls_certificate_file.empty()) return grpc::InsecureChannelCredentials();
-  const auto certificate = ReadFile("--tls-cert", options.tls_certificate_file);
-  if (!certificate.ok()) return certificate.status();
-  const auto key = ReadFile("--tls-key", options.tls_key_file);
-  if (!key.ok()) return key.status();
-  const std::vector<grpc::experimental::IdentityKeyCertPair> pairs = {{*key, *certificate}};
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto certificate,
+                             ReadFile("--tls-cert", options.tls_certificate_file));
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto key, ReadFile("--tls-key", options.tls_key_file));
+  const std::vector<grpc::experimental::IdentityKeyCertPair> pairs = {{key, certificate}};
   grpc::experimental::TlsChannelCredentialsOptions tls;
   tls.set_certificate_provider(
       std::make_shared<grpc::experimental::StaticDataCertificateProvider>(pairs));
@@ -82,9 +82,8 @@ std::string Bytes(const grpc::ByteBuffer& buffer) {
 }  // namespace
 
 absl::Status CheckHealth(const HealthCheckOptions& options) {
-  const auto credentials = Credentials(options);
-  if (!credentials.ok()) return credentials.status();
-  grpc::GenericStub stub(grpc::CreateChannel(options.address, *credentials));
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto credentials, Credentials(options));
+  grpc::GenericStub stub(grpc::CreateChannel(options.address, credentials));
   grpc::ClientContext context;
   context.set_deadline(std::chrono::system_clock::now() + absl::ToChronoSeconds(options.timeout));
   if (options.service.size() > 127) {

@@ -3,6 +3,7 @@
 
 #include <utility>
 
+#include "core/status/status_macros.h"
 #include "proto/status/rpc_status.h"
 
 namespace sightline {
@@ -37,10 +38,10 @@ absl::StatusOr<JobAdmission> AdmitJob(JobStore* jobs, const std::string& kind,
                                       const std::string& peer,
                                       const std::function<int64_t()>& bytes) {
   JobAdmission admission;
-  const absl::StatusOr<std::optional<JobRecord>> known = jobs->Find(kind, request_id, fingerprint);
-  if (!known.ok()) return known.status();
-  if (known->has_value()) {
-    admission.known = JobToProto(**known);
+  SIGHTLINE_ASSIGN_OR_RETURN(const std::optional<JobRecord> known,
+                             jobs->Find(kind, request_id, fingerprint));
+  if (known.has_value()) {
+    admission.known = JobToProto(*known);
     return admission;
   }
   absl::StatusOr<std::unique_ptr<JobRoom>> room = jobs->Reserve(peer, bytes);
@@ -69,9 +70,8 @@ v1::Job JobToProto(const JobRecord& record) {
 grpc::Status JobServiceImpl::GetJob(grpc::ServerContext* context, const v1::GetJobRequest* request,
                                     v1::GetJobResponse* response) {
   return calls_->Run("GetJob", context, [&]() -> absl::Status {
-    absl::StatusOr<JobRecord> job = Known(jobs_->Get(request->job_id()));
-    if (!job.ok()) return job.status();
-    *response->mutable_job() = JobToProto(*job);
+    SIGHTLINE_ASSIGN_OR_RETURN(JobRecord job, Known(jobs_->Get(request->job_id())));
+    *response->mutable_job() = JobToProto(job);
     return absl::OkStatus();
   });
 }
@@ -91,9 +91,8 @@ grpc::Status JobServiceImpl::CancelJob(grpc::ServerContext* context,
                                        const v1::CancelJobRequest* request,
                                        v1::CancelJobResponse* response) {
   return calls_->Run("CancelJob", context, [&]() -> absl::Status {
-    absl::StatusOr<JobRecord> job = Known(jobs_->Cancel(request->job_id()));
-    if (!job.ok()) return job.status();
-    *response->mutable_job() = JobToProto(*job);
+    SIGHTLINE_ASSIGN_OR_RETURN(JobRecord job, Known(jobs_->Cancel(request->job_id())));
+    *response->mutable_job() = JobToProto(job);
     return absl::OkStatus();
   });
 }
@@ -113,12 +112,11 @@ grpc::Status JobServiceImpl::WatchJob(grpc::ServerContext* context,
       if (job->revision != sent_revision) {
         v1::WatchJobResponse response;
         *response.mutable_job() = JobToProto(*job);
-        absl::Status sent = calls_->Write(context, [&] { return writer->Write(response); });
-        if (!sent.ok()) return sent;
+        SIGHTLINE_RETURN_IF_ERROR(calls_->Write(context, [&] { return writer->Write(response); }));
         sent_revision = job->revision;
       }
       if (job->finished()) return absl::OkStatus();
-      if (absl::Status stop = calls_->CheckStop(context); !stop.ok()) return stop;
+      SIGHTLINE_RETURN_IF_ERROR(calls_->CheckStop(context));
       job = Known(jobs_->WaitForChange(request->job_id(), sent_revision, absl::Milliseconds(50)));
     }
   };

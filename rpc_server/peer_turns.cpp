@@ -3,6 +3,8 @@
 
 #include <chrono>
 
+#include "core/status/status_macros.h"
+
 namespace sightline {
 
 PeerTurns::Turn::~Turn() {
@@ -18,7 +20,7 @@ absl::StatusOr<PeerTurns::Turn> PeerTurns::Wait(const std::string& peer,
                                                 const std::function<absl::Status()>& check_stop) {
   std::unique_lock lock(mutex_);
   while (peers_.size() >= turns_ || peers_.contains(peer)) {
-    if (absl::Status stop = check_stop(); !stop.ok()) return stop;
+    SIGHTLINE_RETURN_IF_ERROR(check_stop());
     given_back_.wait_for(lock, std::chrono::milliseconds(100));
   }
   peers_.insert(peer);

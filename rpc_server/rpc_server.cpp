@@ -19,6 +19,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
+#include "core/status/status_macros.h"
 #include "rpc_server/listen_address.h"
 #include "rpc_server/server_credentials.h"
 
@@ -64,10 +65,9 @@ absl::Status CheckUnixAddress(const std::string& listen) {
 // Plain text leaves this machine only if asked for.
 absl::Status CheckAddress(const RpcServerOptions& options) {
   if (IsUnixAddress(options.listen)) return CheckUnixAddress(options.listen);
-  const absl::StatusOr<std::string> host = HostOfAddress("--listen", options.listen);
-  if (!host.ok()) return host.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const std::string host, HostOfAddress("--listen", options.listen));
   if (!options.tls_certificate_file.empty() || options.allow_plaintext) return absl::OkStatus();
-  const absl::StatusOr<bool> is_loopback = IsLoopbackHost(*host);
+  const absl::StatusOr<bool> is_loopback = IsLoopbackHost(host);
   if (!is_loopback.ok()) {
     return absl::UnavailableError(absl::StrCat(
         "--listen ", options.listen, ": cannot listen there: ", is_loopback.status().message()));
@@ -83,10 +83,10 @@ absl::Status CheckAddress(const RpcServerOptions& options) {
 
 absl::Status CheckMetricsAddress(const RpcServerOptions& options) {
   if (options.metrics_port < 0 || options.allow_plaintext) return absl::OkStatus();
-  const absl::StatusOr<std::string> host = HostOfAddress(
-      "--metrics-host", absl::StrCat(options.metrics_host, ":", options.metrics_port));
-  if (!host.ok()) return host.status();
-  const absl::StatusOr<bool> is_loopback = IsLoopbackHost(*host);
+  SIGHTLINE_ASSIGN_OR_RETURN(const std::string host,
+                             HostOfAddress("--metrics-host", absl::StrCat(options.metrics_host, ":",
+                                                                          options.metrics_port)));
+  const absl::StatusOr<bool> is_loopback = IsLoopbackHost(host);
   if (!is_loopback.ok()) {
     return absl::UnavailableError(
         absl::StrCat("--metrics-host ", options.metrics_host,
@@ -138,12 +138,12 @@ RpcServer::~RpcServer() { RpcServer::Drain(absl::ZeroDuration()); }
 
 absl::Status RpcServer::Listen(const RpcServerOptions& options,
                                const std::vector<NamedService>& services) {
-  if (absl::Status status = CheckAddress(options); !status.ok()) return status;
-  if (absl::Status status = CheckMetricsAddress(options); !status.ok()) return status;
-  const absl::StatusOr<std::shared_ptr<grpc::ServerCredentials>> credentials =
+  SIGHTLINE_RETURN_IF_ERROR(CheckAddress(options));
+  SIGHTLINE_RETURN_IF_ERROR(CheckMetricsAddress(options));
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      const std::shared_ptr<grpc::ServerCredentials> credentials,
       MakeServerCredentials(
-          {options.tls_certificate_file, options.tls_key_file, options.tls_client_ca_file});
-  if (!credentials.ok()) return credentials.status();
+          {options.tls_certificate_file, options.tls_key_file, options.tls_client_ca_file}));
   if (options.metrics_port >= 0) {
     const std::string bind = absl::StrCat(options.metrics_host, ":", options.metrics_port);
     try {
@@ -163,7 +163,7 @@ absl::Status RpcServer::Listen(const RpcServerOptions& options,
   calls_->SetLimits(LimitsOf(options));
   grpc::ServerBuilder builder;
   int port = 0;
-  builder.AddListeningPort(options.listen, *credentials, &port);
+  builder.AddListeningPort(options.listen, credentials, &port);
   // Otherwise a second server on the same port silently takes a share of the calls.
   builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
   builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS, kHandshakeTimeout_ms);

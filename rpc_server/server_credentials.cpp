@@ -12,6 +12,7 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -78,15 +79,12 @@ absl::StatusOr<std::shared_ptr<grpc::ServerCredentials>> MakeServerCredentials(
     }
     return grpc::InsecureServerCredentials();
   }
-  absl::StatusOr<std::string> certificate = ReadPem("--tls-cert", files.certificate);
-  if (!certificate.ok()) return certificate.status();
-  absl::StatusOr<std::string> key = ReadPem("--tls-key", files.key);
-  if (!key.ok()) return key.status();
-  if (absl::Status status = CheckContent(files, *certificate, *key); !status.ok()) return status;
+  SIGHTLINE_ASSIGN_OR_RETURN(std::string certificate, ReadPem("--tls-cert", files.certificate));
+  SIGHTLINE_ASSIGN_OR_RETURN(std::string key, ReadPem("--tls-key", files.key));
+  SIGHTLINE_RETURN_IF_ERROR(CheckContent(files, certificate, key));
   if (!files.client_ca.empty()) {
-    absl::StatusOr<std::string> ca = ReadPem("--tls-client-ca", files.client_ca);
-    if (!ca.ok()) return ca.status();
-    if (FirstCertificate(*ca) == nullptr) {
+    SIGHTLINE_ASSIGN_OR_RETURN(std::string ca, ReadPem("--tls-client-ca", files.client_ca));
+    if (FirstCertificate(ca) == nullptr) {
       return absl::InvalidArgumentError(
           absl::StrCat("--tls-client-ca: ", files.client_ca, " holds no certificate"));
     }

@@ -13,6 +13,7 @@
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
 #include "core/admission/shared_limit.h"
+#include "core/status/status_macros.h"
 #include "proto/status/rpc_status.h"
 #include "rpc_server/call_tracker.h"
 
@@ -43,9 +44,9 @@ absl::Status ForEachChunk(CallTracker* calls, grpc::ServerContext* context,
   int64_t received = 0;
   Request message;
   while (true) {
-    const absl::StatusOr<bool> more = calls->Read(context, [&] { return reader->Read(&message); });
-    if (!more.ok()) return more.status();
-    if (!*more) break;
+    SIGHTLINE_ASSIGN_OR_RETURN(const bool more,
+                               calls->Read(context, [&] { return reader->Read(&message); }));
+    if (!more) break;
     if (message.content_case() != Request::kChunk) {
       return InvalidFields({{"chunk", "every message after the header must have one"}});
     }
@@ -68,9 +69,9 @@ absl::Status ForEachChunk(CallTracker* calls, grpc::ServerContext* context,
       return absl::DeadlineExceededError(
           absl::StrCat("the upload is slower than ", kSlowestUpload_bytes_per_s, " bytes/s"));
     }
-    if (absl::Status taken = take(chunk); !taken.ok()) return taken;
+    SIGHTLINE_RETURN_IF_ERROR(take(chunk));
   }
-  if (absl::Status stop = calls->CheckStop(context); !stop.ok()) return stop;
+  SIGHTLINE_RETURN_IF_ERROR(calls->CheckStop(context));
   if (received != size) {
     return InvalidFields(
         {{"header.size_bytes", absl::StrCat(size, ": only ", received, " bytes followed")}});
@@ -91,8 +92,7 @@ absl::StatusOr<ReceivedFile> ReceiveChunks(CallTracker* calls, grpc::ServerConte
     if (room.ok()) file.bytes += chunk;
     return room;
   };
-  absl::Status received = ForEachChunk(calls, context, reader, size, keep);
-  if (!received.ok()) return received;
+  SIGHTLINE_RETURN_IF_ERROR(ForEachChunk(calls, context, reader, size, keep));
   return file;
 }
 

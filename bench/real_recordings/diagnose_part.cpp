@@ -12,6 +12,7 @@
 #include <string_view>
 
 #include "core/part/load_part.h"
+#include "core/status/status_macros.h"
 #include "render_worker/image_file/image_file.h"
 #include "render_worker/scene_diagnosis/diagnose_scene.h"
 
@@ -23,26 +24,16 @@ namespace fs = std::filesystem;
 absl::StatusOr<RecordedScene> ReadScene(const std::string& folder, const std::string& part_file) {
   const std::string description = folder + "/recordings.json";
   v1::Recordings message;
-  if (absl::Status status = ReadRecordingsMessage(description, &message); !status.ok()) {
-    return status;
-  }
+  SIGHTLINE_RETURN_IF_ERROR(ReadRecordingsMessage(description, &message));
   RecordedScene scene;
-  auto recordings = ParseRecordings(message, description);
-  if (!recordings.ok()) return recordings.status();
-  scene.recordings = *std::move(recordings);
-  auto nominal = InspectionOfRecordings(message, description);
-  if (!nominal.ok()) return nominal.status();
-  auto inspection = ParseInspection(*nominal, description, folder);
-  if (!inspection.ok()) return inspection.status();
-  scene.inspection = *std::move(inspection);
-  auto part = LoadPart(part_file, "");
-  if (!part.ok()) return part.status();
-  scene.part = *std::move(part);
+  SIGHTLINE_ASSIGN_OR_RETURN(scene.recordings, ParseRecordings(message, description));
+  SIGHTLINE_ASSIGN_OR_RETURN(auto nominal, InspectionOfRecordings(message, description));
+  SIGHTLINE_ASSIGN_OR_RETURN(scene.inspection, ParseInspection(nominal, description, folder));
+  SIGHTLINE_ASSIGN_OR_RETURN(scene.part, LoadPart(part_file, ""));
   scene.assets = [](const std::string& file) -> absl::StatusOr<std::string> { return file; };
   for (const RecordedImage& image : scene.recordings.recordings) {
-    auto raw = ReadRawImage((fs::path(folder) / image.file).string());
-    if (!raw.ok()) return raw.status();
-    scene.raw_dn.push_back(*std::move(raw));
+    SIGHTLINE_ASSIGN_OR_RETURN(auto raw, ReadRawImage((fs::path(folder) / image.file).string()));
+    scene.raw_dn.push_back(std::move(raw));
   }
   return scene;
 }

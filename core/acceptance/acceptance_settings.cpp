@@ -168,15 +168,14 @@ absl::StatusOr<AcceptanceSettings> ParseAcceptance(const v1::Acceptance& message
                                  "ring_diameter_m", &settings.ring_diameter_m));
   for (int i = 0; i < message.limits_size(); ++i) {
     const std::string field = absl::StrCat("acceptance.limits[", i, "]");
-    const auto limit = ParseLimit(message.limits(i), check, field);
-    if (!limit.ok()) return limit.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto limit, ParseLimit(message.limits(i), check, field));
     for (const PermittedError& other : settings.limits) {
-      if (other.kind == limit->kind) {
+      if (other.kind == limit.kind) {
         return check.Error(field + ".quantity", absl::StrCat("is \"", message.limits(i).quantity(),
                                                              "\", which has a limit already"));
       }
     }
-    settings.limits.push_back(*limit);
+    settings.limits.push_back(limit);
   }
   if (message.has_runs()) {
     SIGHTLINE_RETURN_IF_ERROR(check.Range("acceptance.runs", message.runs(), kRuns));

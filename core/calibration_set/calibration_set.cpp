@@ -10,6 +10,7 @@
 #include "core/calibration_set/number_fields.h"
 #include "core/file/read_file.h"
 #include "core/json/strict_json.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -30,31 +31,29 @@ absl::StatusOr<std::vector<double>> Numbers(const fs::path& folder, const v1::Fi
   if (from.file().empty()) return Wrong(set_file, field + ".file", "is missing");
   if (from.field().empty()) return Wrong(set_file, field + ".field", "is missing");
   const std::string path = (folder / from.file()).string();
-  const auto text = ReadRegularFile(path, kMostTextBytes);
-  if (!text.ok()) return text.status();
-  const auto numbers = NumbersOfField(*text, from.field(), path);
-  if (!numbers.ok()) return numbers.status();
-  if (numbers->size() != count && numbers->size() != or_count) {
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto text, ReadRegularFile(path, kMostTextBytes));
+  SIGHTLINE_ASSIGN_OR_RETURN(auto numbers, NumbersOfField(text, from.field(), path));
+  if (numbers.size() != count && numbers.size() != or_count) {
     return absl::InvalidArgumentError(
-        absl::StrCat(path, ": ", from.field(), " has ", numbers->size(), " numbers, not ", count));
+        absl::StrCat(path, ": ", from.field(), " has ", numbers.size(), " numbers, not ", count));
   }
-  return *numbers;
+  return numbers;
 }
 
 absl::StatusOr<CameraPrior> ReadCamera(const fs::path& folder, const v1::CalibrationCamera& from,
                                        const std::string& file) {
-  const auto matrix = Numbers(folder, from.matrix(), file, "camera.matrix", 9, 9);
-  if (!matrix.ok()) return matrix.status();
-  const std::vector<double>& m = *matrix;
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto matrix,
+                             Numbers(folder, from.matrix(), file, "camera.matrix", 9, 9));
+  const std::vector<double>& m = matrix;
   if (!(m[0] > 0) || !(m[4] > 0) || m[8] != 1 || m[3] != 0 || m[6] != 0 || m[7] != 0) {
     return Wrong(file, "camera.matrix", "is no camera matrix: fx 0 cx, 0 fy cy, 0 0 1");
   }
   CameraPrior prior;
   prior.camera = {.fx = m[0], .fy = m[4], .cx = m[2], .cy = m[5], .distortion = {}};
   if (from.has_distortion()) {
-    const auto terms = Numbers(folder, from.distortion(), file, "camera.distortion", 5, 4);
-    if (!terms.ok()) return terms.status();
-    std::copy(terms->begin(), terms->end(), prior.camera.distortion.begin());
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto terms,
+                               Numbers(folder, from.distortion(), file, "camera.distortion", 5, 4));
+    std::copy(terms.begin(), terms.end(), prior.camera.distortion.begin());
   }
   const double relative = from.has_focal_length_relative() ? from.focal_length_relative() : 0.01;
   const double centre = from.has_principal_point_px() ? from.principal_point_px() : 10;
@@ -67,11 +66,9 @@ absl::StatusOr<CameraPrior> ReadCamera(const fs::path& folder, const v1::Calibra
 
 absl::StatusOr<Eigen::Isometry3d> ReadPose(const std::string& path,
                                            v1::FramePattern::PoseLayout layout) {
-  const auto text = ReadRegularFile(path, kMostTextBytes);
-  if (!text.ok()) return text.status();
-  const auto numbers = NumbersOfTuple(*text, path);
-  if (!numbers.ok()) return numbers.status();
-  const std::vector<double>& n = *numbers;
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto text, ReadRegularFile(path, kMostTextBytes));
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto numbers, NumbersOfTuple(text, path));
+  const std::vector<double>& n = numbers;
   if (n.size() != 7) {
     return absl::InvalidArgumentError(
         absl::StrCat(path, ": has ", n.size(), " numbers; a pose has 7"));
@@ -159,7 +156,7 @@ absl::StatusOr<CalibrationSet> ReadCalibrationSet(const std::string& folder_name
   CalibrationSet set;
   set.file = (folder / "calibration_set.json").string();
   v1::CalibrationSet message;
-  if (absl::Status s = ReadStrictJsonFile(set.file, &message); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(ReadStrictJsonFile(set.file, &message));
   if (message.format() != "laser-line-calibration") {
     return Wrong(set.file, "format", "must be \"laser-line-calibration\"");
   }
@@ -176,9 +173,7 @@ absl::StatusOr<CalibrationSet> ReadCalibrationSet(const std::string& folder_name
   }
   set.board = {board.inner_corners_x(), board.inner_corners_y(), board.square_m()};
   if (message.has_camera()) {
-    const auto camera = ReadCamera(folder, message.camera(), set.file);
-    if (!camera.ok()) return camera.status();
-    set.camera = *camera;
+    SIGHTLINE_ASSIGN_OR_RETURN(set.camera, ReadCamera(folder, message.camera(), set.file));
   }
   if (message.frames().has_saturation_dn()) {
     set.saturation_dn = message.frames().saturation_dn();
@@ -186,20 +181,19 @@ absl::StatusOr<CalibrationSet> ReadCalibrationSet(const std::string& folder_name
   }
   if (message.has_reference_laser_plane()) {
     const v1::ReferencePlane& from = message.reference_laser_plane();
-    const auto rotation =
-        Numbers(folder, from.rotation(), set.file, "reference_laser_plane.rotation", 9, 9);
-    if (!rotation.ok()) return rotation.status();
-    const auto origin =
-        Numbers(folder, from.origin_m(), set.file, "reference_laser_plane.origin_m", 3, 3);
-    if (!origin.ok()) return origin.status();
-    Eigen::Vector3d normal((*rotation)[2], (*rotation)[5], (*rotation)[8]);
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        const auto rotation,
+        Numbers(folder, from.rotation(), set.file, "reference_laser_plane.rotation", 9, 9));
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto origin, Numbers(folder, from.origin_m(), set.file,
+                                                          "reference_laser_plane.origin_m", 3, 3));
+    Eigen::Vector3d normal(rotation[2], rotation[5], rotation[8]);
     normal.normalize();
-    double distance = normal.dot(Eigen::Vector3d((*origin)[0], (*origin)[1], (*origin)[2]));
+    double distance = normal.dot(Eigen::Vector3d(origin[0], origin[1], origin[2]));
     if (distance < 0) normal = -normal, distance = -distance;
     set.reference_plane = {normal, distance};
   }
   set.assumed = message.assumed();
-  if (absl::Status s = ReadFrames(folder, message.frames(), &set); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(ReadFrames(folder, message.frames(), &set));
   return set;
 }
 

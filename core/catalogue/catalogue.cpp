@@ -55,9 +55,7 @@ absl::StatusOr<std::optional<double>> ParsePrice(const Message& message, const C
 absl::StatusOr<DeviceCamera> ReadDevice(const v1::Sensor& message, const std::string& file) {
   const Checker check(file);
   DeviceCamera camera;
-  absl::StatusOr<Sensor> sensor = ParseSensor(message, file);
-  if (!sensor.ok()) return sensor.status();
-  camera.sensor = *std::move(sensor);
+  SIGHTLINE_ASSIGN_OR_RETURN(camera.sensor, ParseSensor(message, file));
   camera.mount = message.mount();
   SIGHTLINE_RETURN_IF_ERROR(CheckOneOf(check, "mount", camera.mount, KnownMounts()));
   if (message.has_max_frame_rate_hz()) {
@@ -65,9 +63,7 @@ absl::StatusOr<DeviceCamera> ReadDevice(const v1::Sensor& message, const std::st
         check.Range("max_frame_rate_hz", message.max_frame_rate_hz(), kFrameRate));
     camera.max_frame_rate_hz = message.max_frame_rate_hz();
   }
-  const auto price = ParsePrice(message, check);
-  if (!price.ok()) return price.status();
-  camera.price_eur = *price;
+  SIGHTLINE_ASSIGN_OR_RETURN(camera.price_eur, ParsePrice(message, check));
   return camera;
 }
 
@@ -129,9 +125,7 @@ absl::StatusOr<DeviceLens> ReadDevice(const v1::CatalogueLens& message, const st
   lens.mount = message.mount();
   SIGHTLINE_RETURN_IF_ERROR(CheckOneOf(check, "mount", lens.mount, KnownMounts()));
   SIGHTLINE_RETURN_IF_ERROR(ParseLensNumbers(message, check, &lens));
-  const auto price = ParsePrice(message, check);
-  if (!price.ok()) return price.status();
-  lens.price_eur = *price;
+  SIGHTLINE_ASSIGN_OR_RETURN(lens.price_eur, ParsePrice(message, check));
   return lens;
 }
 
@@ -152,17 +146,13 @@ absl::StatusOr<DeviceLaser> ReadDevice(const v1::CatalogueLaser& message, const 
   if (laser.has_distance_m()) {
     return check.Error("laser.distance_m", "is given, but where a laser stands is the rig's");
   }
-  absl::StatusOr<Laser> parsed = ParseLaser(laser, file);
-  if (!parsed.ok()) return parsed.status();
-  device.laser = *parsed;
+  SIGHTLINE_ASSIGN_OR_RETURN(device.laser, ParseLaser(laser, file));
   device.safety_class = message.safety_class();
   if (!device.safety_class.empty()) {
     SIGHTLINE_RETURN_IF_ERROR(
         CheckOneOf(check, "safety_class", device.safety_class, SafetyClasses()));
   }
-  const auto price = ParsePrice(message, check);
-  if (!price.ok()) return price.status();
-  device.price_eur = *price;
+  SIGHTLINE_ASSIGN_OR_RETURN(device.price_eur, ParsePrice(message, check));
   return device;
 }
 
@@ -208,9 +198,7 @@ absl::StatusOr<DeviceProfileSensor> ReadDevice(const v1::CatalogueProfileSensor&
     SIGHTLINE_RETURN_IF_ERROR(
         CheckOneOf(check, "safety_class", device.safety_class, SafetyClasses()));
   }
-  const auto price = ParsePrice(message, check);
-  if (!price.ok()) return price.status();
-  device.price_eur = *price;
+  SIGHTLINE_ASSIGN_OR_RETURN(device.price_eur, ParsePrice(message, check));
   return device;
 }
 
@@ -250,10 +238,9 @@ absl::StatusOr<std::vector<std::string>> FilesOf(const std::string& folder, cons
 template <typename Message, typename Device>
 absl::Status ReadKind(const std::string& folder, const char* kind, const char* what,
                       std::vector<Device>* devices, bool may_be_none = false) {
-  const auto files = FilesOf(folder, kind, what, may_be_none);
-  if (!files.ok()) return files.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto files, FilesOf(folder, kind, what, may_be_none));
   std::map<std::string, std::string> file_of_name;
-  for (const std::string& file : *files) {
+  for (const std::string& file : files) {
     Message message;
     SIGHTLINE_RETURN_IF_ERROR(ReadStrictJsonFile(file, &message));
     const Checker check(file);
@@ -263,11 +250,10 @@ absl::Status ReadKind(const std::string& folder, const char* kind, const char* w
       return check.Error("name",
                          absl::StrCat("is \"", message.name(), "\" like that of ", other->second));
     }
-    absl::StatusOr<Device> device = ReadDevice(message, file);
-    if (!device.ok()) return device.status();
-    device->file = file;
-    device->message = std::move(message);
-    devices->push_back(*std::move(device));
+    SIGHTLINE_ASSIGN_OR_RETURN(Device device, ReadDevice(message, file));
+    device.file = file;
+    device.message = std::move(message);
+    devices->push_back(std::move(device));
   }
   return absl::OkStatus();
 }

@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -280,19 +281,19 @@ absl::StatusOr<GoodPartAcceptance> PredictAcceptance(const Feature& feature,
                                                      const TargetCounts& counts,
                                                      double required_share, uint64_t seed) {
   const bool fitted = fit.measurand != Measurand::kDeviation && fit.measurand != Measurand::kForm;
-  const auto errors = fitted ? ErrorDraws::OfParameters(feature, fit.fit)
-                             : ErrorDraws::OfDeviations(feature, fit.fit);
-  if (!errors.ok()) return errors.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto errors, fitted
+                                                    ? ErrorDraws::OfParameters(feature, fit.fit)
+                                                    : ErrorDraws::OfDeviations(feature, fit.fit));
   // Sizes are changes from that of the middle of their limits.
   CharacteristicFit changes = fit;
   changes.model_sizes_m.clear();
   const AmountsOfDeviations amounts_of(changes, uncertainty, {.width_m = width_m}, rule);
-  const int64_t draws = std::clamp(kMostMultiplications / std::max<int64_t>(1, errors->Cost()),
+  const int64_t draws = std::clamp(kMostMultiplications / std::max<int64_t>(1, errors.Cost()),
                                    kFewestDraws, kMostDraws);
   std::vector<double> shares;
   int64_t accepted = 0;
   for (int64_t d = 0; d < draws; ++d) {
-    const VectorXd drawn = errors->Draw(seed, static_cast<uint64_t>(d));
+    const VectorXd drawn = errors.Draw(seed, static_cast<uint64_t>(d));
     const Amounts amounts = fitted ? amounts_of.OfParameters(drawn) : amounts_of.Of(drawn);
     if (amounts.all.empty()) return GoodPartAcceptance{};
     const Extremes extremes = ExtremesOf(amounts, rule.guard_factor);

@@ -10,6 +10,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -76,7 +77,7 @@ namespace {
 
 absl::Status CheckQuestion(const Feature& feature, const ToleranceZone& zone,
                            const ConformanceOptions& options) {
-  if (absl::Status s = CheckDecisionRule(options.rule); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(CheckDecisionRule(options.rule));
   if (!(options.required_share > 0 && options.required_share <= 1)) {
     return absl::InvalidArgumentError(
         absl::StrCat("required_share is ", options.required_share, ", must be in (0, 1]"));
@@ -148,13 +149,13 @@ absl::Status AddProbabilities(const ToleranceZone& zone, const ConformanceOption
                               FeatureConformance& result) {
   const double g = options.rule.guard_factor;
   const Production production = options.production.value_or(Production::CapableOf(zone));
-  const auto without_bias = DecisionProbabilities(zone, result.u.total_m, g, production);
-  if (!without_bias.ok()) return without_bias.status();
-  const auto with_bias =
-      DecisionProbabilities(zone, result.u.total_m, g, production, result.bias_m);
-  if (!with_bias.ok()) return with_bias.status();
-  result.probability_wrong_acceptance = without_bias->wrong_acceptance;
-  result.probability_wrong_rejection = with_bias->wrong_rejection;
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto without_bias,
+                             DecisionProbabilities(zone, result.u.total_m, g, production));
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      const auto with_bias,
+      DecisionProbabilities(zone, result.u.total_m, g, production, result.bias_m));
+  result.probability_wrong_acceptance = without_bias.wrong_acceptance;
+  result.probability_wrong_rejection = with_bias.wrong_rejection;
   return absl::OkStatus();
 }
 
@@ -198,13 +199,14 @@ void Decide(const ToleranceZone& zone, const ConformanceOptions& options,
 absl::Status AddAcceptance(const Feature& feature, const CharacteristicFit& fit,
                            const MeasurandUncertainty& predicted, const ToleranceZone& zone,
                            const ConformanceOptions& options, FeatureConformance& result) {
-  const auto acceptance = PredictAcceptance(feature, fit, predicted, zone.width_m, options.rule,
-                                            result.counts, options.required_share, options.seed);
-  if (!acceptance.ok()) return acceptance.status();
-  result.acceptance_probability = acceptance->probability;
-  if (std::isfinite(acceptance->median_share) && acceptance->median_share > 0) {
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      const auto acceptance,
+      PredictAcceptance(feature, fit, predicted, zone.width_m, options.rule, result.counts,
+                        options.required_share, options.seed));
+  result.acceptance_probability = acceptance.probability;
+  if (std::isfinite(acceptance.median_share) && acceptance.median_share > 0) {
     result.admissible_u_m =
-        std::min(result.admissible_u_m, result.u.total_m / acceptance->median_share);
+        std::min(result.admissible_u_m, result.u.total_m / acceptance.median_share);
   }
   return absl::OkStatus();
 }
@@ -232,26 +234,24 @@ absl::StatusOr<FeatureConformance> JudgeFit(const Feature& feature,
     return undetermined(absl::FailedPreconditionError("no target is known well enough"));
   }
   const Measurand measurand = fit->measurand;
-  const auto predicted = PredictUncertainty(feature, fit->fit, measurand, options.seed);
-  if (!predicted.ok()) return predicted.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto predicted,
+                             PredictUncertainty(feature, fit->fit, measurand, options.seed));
 
   result.predicted = true;
-  result.u = predicted->u;
-  result.largest_u_m = result.percentile_95_u_m = predicted->u.total_m;
-  result.bias_m = predicted->bias_m;
+  result.u = predicted.u;
+  result.largest_u_m = result.percentile_95_u_m = predicted.u.total_m;
+  result.bias_m = predicted.bias_m;
   if (measurand == Measurand::kDeviation) {
     result.admissible_u_m = Admissible(zone, options.rule, 0);
-    CountDeviations(*predicted, options.required_share, result.admissible_u_m, result);
+    CountDeviations(predicted, options.required_share, result.admissible_u_m, result);
   }
   const double bias_per_u = result.u.total_m > 0 ? result.bias_m / result.u.total_m : 0;
   result.admissible_u_m = Admissible(zone, options.rule, bias_per_u);
   result.acceptance_zone_m =
       AcceptanceInterval(zone, result.u.total_m, options.rule.guard_factor).width_m() -
       (zone.kind == ZoneKind::kOneSided ? result.bias_m : 0);
-  if (absl::Status s = AddProbabilities(zone, options, result); !s.ok()) return s;
-  if (absl::Status s = AddAcceptance(feature, *fit, *predicted, zone, options, result); !s.ok()) {
-    return s;
-  }
+  SIGHTLINE_RETURN_IF_ERROR(AddProbabilities(zone, options, result));
+  SIGHTLINE_RETURN_IF_ERROR(AddAcceptance(feature, *fit, predicted, zone, options, result));
   Decide(zone, options, too_few, result);
   if (measurand != Measurand::kDeviation && result.u.total_m <= result.admissible_u_m) {
     result.admissible_share =
@@ -265,7 +265,7 @@ absl::StatusOr<FeatureConformance> JudgeFit(const Feature& feature,
 absl::StatusOr<FeatureConformance> JudgeFeature(const Feature& feature, Measurand measurand,
                                                 const ToleranceZone& zone,
                                                 const ConformanceOptions& options) {
-  if (absl::Status s = CheckQuestion(feature, zone, options); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(CheckQuestion(feature, zone, options));
   auto fit = FitFeature(feature, measurand);
   if (!fit.ok()) return JudgeFit(feature, fit.status(), {}, zone, options);
   CharacteristicFit characteristic;
@@ -282,7 +282,7 @@ absl::StatusOr<FeatureConformance> JudgeCharacteristic(const Feature& feature,
                                                        const ConformanceOptions& options) {
   const ZoneKind kind = fit.ok() ? fit->zone : ZoneKind::kTwoSided;
   const ToleranceZone zone{kind, width_m};
-  if (absl::Status s = CheckQuestion(feature, zone, options); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(CheckQuestion(feature, zone, options));
   std::vector<int> toleranced;
   for (const FeatureElement& element : characteristic.elements) {
     toleranced.insert(toleranced.end(), element.targets.begin(), element.targets.end());

@@ -13,6 +13,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "core/statistics/normal_distribution.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -149,7 +150,7 @@ Production Production::CapableOf(const ToleranceZone& zone) {
 absl::StatusOr<double> ConformanceProbability(const ToleranceZone& zone, double measured_m,
                                               double uncertainty_m,
                                               const std::optional<Production>& production) {
-  if (absl::Status s = CheckZone(zone); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(CheckZone(zone));
   if (!std::isfinite(measured_m)) return OutOfRange("measured_m", measured_m, "finite");
   if (!(uncertainty_m > 0) || !std::isfinite(uncertainty_m)) {
     return OutOfRange("uncertainty_m", uncertainty_m, "positive and finite");
@@ -166,7 +167,7 @@ absl::StatusOr<double> ConformanceProbability(const ToleranceZone& zone, double 
     return std::clamp(1 - NormalBelow(measured_m - tolerance.upper_m, uncertainty_m) / possible, 0.,
                       1.);
   }
-  if (absl::Status s = CheckProduction(zone, *production); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(CheckProduction(zone, *production));
   const Panels panels = MakePanels(
       zone, *production, {measured_m, tolerance.lower_m, tolerance.upper_m}, uncertainty_m);
   // The exponents' largest sum is taken out, so that a value far from production is no 0 / 0.
@@ -192,8 +193,8 @@ absl::StatusOr<GlobalProbabilities> DecisionProbabilities(const ToleranceZone& z
                                                           double uncertainty_m, double guard_factor,
                                                           const Production& production,
                                                           double bias_m) {
-  if (absl::Status s = CheckZone(zone); !s.ok()) return s;
-  if (absl::Status s = CheckProduction(zone, production); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(CheckZone(zone));
+  SIGHTLINE_RETURN_IF_ERROR(CheckProduction(zone, production));
   if (!(uncertainty_m >= 0) || !std::isfinite(uncertainty_m)) {
     return OutOfRange("uncertainty_m", uncertainty_m, "not negative and finite");
   }

@@ -17,6 +17,7 @@
 #include "core/association/chebyshev_fit.h"
 #include "core/random/counter_random.h"
 #include "core/statistics/covariance_root.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -250,14 +251,13 @@ absl::StatusOr<MatrixXd> CommonFactor(const Feature& f, const std::vector<int>& 
   std::vector<MatrixXd> roots;
   Eigen::Index columns = 0;
   for (size_t s = 0; s < f.scans.size(); ++s) {
-    auto root = Root(f.scans[s].covariance, absl::StrCat("covariance of scan ", s));
-    if (!root.ok()) return root.status();
-    columns += root->cols();
-    roots.push_back(*std::move(root));
+    SIGHTLINE_ASSIGN_OR_RETURN(auto root,
+                               Root(f.scans[s].covariance, absl::StrCat("covariance of scan ", s)));
+    columns += root.cols();
+    roots.push_back(std::move(root));
   }
-  auto common = Root(f.common_covariance, "common_covariance");
-  if (!common.ok()) return common.status();
-  columns += common->cols() + f.common_deviations_m.cols() + f.registration_deviations_m.cols();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto common, Root(f.common_covariance, "common_covariance"));
+  columns += common.cols() + f.common_deviations_m.cols() + f.registration_deviations_m.cols();
 
   MatrixXd factor = MatrixXd::Zero(static_cast<Eigen::Index>(used.size()), columns);
   for (size_t i = 0; i < used.size(); ++i) {
@@ -272,8 +272,8 @@ absl::StatusOr<MatrixXd> CommonFactor(const Feature& f, const std::vector<int>& 
       }
       column += roots[s].cols();
     }
-    factor.row(static_cast<Eigen::Index>(i)).segment(column, common->cols()) = all_scans * *common;
-    column += common->cols();
+    factor.row(static_cast<Eigen::Index>(i)).segment(column, common.cols()) = all_scans * common;
+    column += common.cols();
     for (const MatrixXd* further : {&f.common_deviations_m, &f.registration_deviations_m}) {
       if (further->cols() == 0) continue;
       factor.row(static_cast<Eigen::Index>(i)).segment(column, further->cols()) =
@@ -334,9 +334,7 @@ struct JointErrors {
 
 absl::StatusOr<JointErrors> MakeJointErrors(const Feature& f, const std::vector<int>& used) {
   JointErrors e;
-  auto factor = CommonFactor(f, used);
-  if (!factor.ok()) return factor.status();
-  e.common = *std::move(factor);
+  SIGHTLINE_ASSIGN_OR_RETURN(e.common, CommonFactor(f, used));
   e.registration_columns = f.registration_deviations_m.cols();
   e.correlation = Correlation(f, used);
   e.noise_m.resize(static_cast<Eigen::Index>(used.size()));
@@ -664,7 +662,7 @@ absl::Status CheckFeature(const Feature& f) {
 }
 
 absl::StatusOr<FeatureFit> FitFeature(const Feature& f, Measurand measurand) {
-  if (absl::Status s = CheckFeature(f); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(CheckFeature(f));
   FeatureFit fit;
   for (size_t i = 0; i < f.targets.size(); ++i) {
     if (f.targets[i].used()) fit.used.push_back(static_cast<int>(i));
@@ -710,9 +708,8 @@ double FormDeviation(const FeatureFit& fit, const Eigen::VectorXd& deviations_m)
 
 absl::StatusOr<MeasurandUncertainty> PredictUncertainty(const Feature& f, Measurand measurand,
                                                         uint64_t seed) {
-  auto fit = FitFeature(f, measurand);
-  if (!fit.ok()) return fit.status();
-  return PredictUncertainty(f, *fit, measurand, seed);
+  SIGHTLINE_ASSIGN_OR_RETURN(auto fit, FitFeature(f, measurand));
+  return PredictUncertainty(f, fit, measurand, seed);
 }
 
 absl::StatusOr<MeasurandUncertainty> PredictUncertainty(const Feature& f, const FeatureFit& fit,
@@ -723,35 +720,31 @@ absl::StatusOr<MeasurandUncertainty> PredictUncertainty(const Feature& f, const 
         absl::StrCat("feature has ", fit.used.size(),
                      " measured targets; form and correlated errors allow ", kMostDenseTargets));
   }
-  auto errors = MakeJointErrors(f, fit.used);
-  if (!errors.ok()) return errors.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto errors, MakeJointErrors(f, fit.used));
   if (measurand == Measurand::kForm) {
-    const auto draws = ErrorDraws::OfDeviations(f, fit);
-    if (!draws.ok()) return draws.status();
-    return PredictForm(fit, *errors, *draws, seed);
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto draws, ErrorDraws::OfDeviations(f, fit));
+    return PredictForm(fit, errors, draws, seed);
   }
-  if (measurand == Measurand::kDeviation) return PredictDeviations(fit, *errors);
-  return PredictFunctionals(fit, *errors);
+  if (measurand == Measurand::kDeviation) return PredictDeviations(fit, errors);
+  return PredictFunctionals(fit, errors);
 }
 
 absl::StatusOr<ErrorDraws> ErrorDraws::OfDeviations(const Feature& feature, const FeatureFit& fit) {
-  auto errors = MakeJointErrors(feature, fit.used);
-  if (!errors.ok()) return errors.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto errors, MakeJointErrors(feature, fit.used));
   ErrorDraws draws;
-  draws.independent_m_ = errors->Independent();
-  draws.root_ = RootOfCorrelation(errors->correlation);
-  draws.common_m_ = std::move(errors->common);
+  draws.independent_m_ = errors.Independent();
+  draws.root_ = RootOfCorrelation(errors.correlation);
+  draws.common_m_ = std::move(errors.common);
   return draws;
 }
 
 absl::StatusOr<ErrorDraws> ErrorDraws::OfParameters(const Feature& feature, const FeatureFit& fit) {
-  const auto errors = MakeJointErrors(feature, fit.used);
-  if (!errors.ok()) return errors.status();
-  const MatrixXd scaled = fit.estimator * errors->Independent().asDiagonal();
-  const MatrixXd common = fit.estimator * errors->common;
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto errors, MakeJointErrors(feature, fit.used));
+  const MatrixXd scaled = fit.estimator * errors.Independent().asDiagonal();
+  const MatrixXd common = fit.estimator * errors.common;
   const MatrixXd covariance =
-      (errors->correlation.size() > 0 ? MatrixXd(scaled * errors->correlation * scaled.transpose())
-                                      : MatrixXd(scaled * scaled.transpose())) +
+      (errors.correlation.size() > 0 ? MatrixXd(scaled * errors.correlation * scaled.transpose())
+                                     : MatrixXd(scaled * scaled.transpose())) +
       common * common.transpose();
   const VectorXd deviation = covariance.diagonal().cwiseMax(0).cwiseSqrt();
   const VectorXd inverse = deviation.unaryExpr([](double s) { return s > 0 ? 1 / s : 0; });

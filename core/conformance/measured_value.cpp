@@ -8,6 +8,7 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -17,8 +18,8 @@ using Eigen::VectorXd;
 absl::Status CheckMeasured(const Feature& feature, const CharacteristicFit& fit,
                            const VectorXd& deviations_m, const MeasuredZone& zone,
                            const ConformanceOptions& options) {
-  if (absl::Status s = CheckDecisionRule(options.rule); !s.ok()) return s;
-  if (absl::Status s = CheckFeature(feature); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(CheckDecisionRule(options.rule));
+  SIGHTLINE_RETURN_IF_ERROR(CheckFeature(feature));
   if (!(zone.width_m > 0) || !std::isfinite(zone.width_m)) {
     return absl::InvalidArgumentError(
         absl::StrCat("tolerance zone width_m is ", zone.width_m, ", must be positive and finite"));
@@ -91,18 +92,18 @@ absl::StatusOr<MeasuredValue> EvaluateMeasured(const Feature& feature, const Cha
                                                const VectorXd& deviations_m,
                                                const MeasuredZone& zone,
                                                const ConformanceOptions& options) {
-  if (absl::Status s = CheckMeasured(feature, fit, deviations_m, zone, options); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(CheckMeasured(feature, fit, deviations_m, zone, options));
   MeasuredValue value;
   const TargetCounts held = CountToleranced(feature, fit.fit);
   value.counts = options.counts.value_or(held);
   if (held.used == 0) return absl::FailedPreconditionError("none of its targets is measured");
-  const auto uncertainty = PredictUncertainty(feature, fit.fit, fit.measurand, options.seed);
-  if (!uncertainty.ok()) return uncertainty.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto uncertainty,
+                             PredictUncertainty(feature, fit.fit, fit.measurand, options.seed));
   VectorXd h(static_cast<Eigen::Index>(fit.fit.used.size()));
   for (Eigen::Index i = 0; i < h.size(); ++i) {
     h[i] = deviations_m[fit.fit.used[static_cast<size_t>(i)]];
   }
-  const Amounts amounts = AmountsOfDeviations(fit, *uncertainty, zone, options.rule).Of(h);
+  const Amounts amounts = AmountsOfDeviations(fit, uncertainty, zone, options.rule).Of(h);
   if (amounts.all.empty()) return absl::FailedPreconditionError("none of its targets is measured");
   const Acceptance acceptance =
       DecideConformity(amounts, options.rule, value.counts, options.required_share);

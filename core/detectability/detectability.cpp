@@ -218,10 +218,9 @@ absl::StatusOr<Detectability> ParseDetectability(const v1::Detectability& messag
                          absl::StrCat("is \"", table.materials(i).part_material(),
                                       "\" like that of another entry"));
     }
-    absl::StatusOr<MaterialExposures> exposures =
-        ParseMaterialExposures(table.materials(i), path, check);
-    if (!exposures.ok()) return exposures.status();
-    detectability.materials.push_back(*std::move(exposures));
+    SIGHTLINE_ASSIGN_OR_RETURN(MaterialExposures exposures,
+                               ParseMaterialExposures(table.materials(i), path, check));
+    detectability.materials.push_back(std::move(exposures));
   }
   return detectability;
 }

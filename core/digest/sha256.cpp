@@ -11,6 +11,7 @@
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "core/file/read_file.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 
@@ -44,17 +45,16 @@ std::string Sha256Hex(std::string_view bytes) {
 }
 
 absl::StatusOr<FileDigest> DigestOfFile(const std::string& path) {
-  const absl::StatusOr<File> file = OpenRegularFile(path);
-  if (!file.ok()) return file.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const File file, OpenRegularFile(path));
   Sha256 digest;
   FileDigest result;
   std::string block(size_t{1} << 16, '\0');
   size_t size = 0;
-  while ((size = std::fread(block.data(), 1, block.size(), file->get())) > 0) {
+  while ((size = std::fread(block.data(), 1, block.size(), file.get())) > 0) {
     digest.Update(std::string_view(block).substr(0, size));
     result.size_bytes += static_cast<int64_t>(size);
   }
-  if (std::ferror(file->get()) != 0) {
+  if (std::ferror(file.get()) != 0) {
     return absl::NotFoundError(absl::StrCat(path, ": cannot be read: ", std::strerror(errno)));
   }
   result.sha256 = digest.Hex();

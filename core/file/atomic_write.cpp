@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -91,10 +92,9 @@ absl::Status UnfinishedFile::Commit() {
 }
 
 absl::Status WriteFileAtomically(const std::string& path, std::string_view contents, mode_t mode) {
-  absl::StatusOr<UnfinishedFile> file = UnfinishedFile::Make(path, mode);
-  if (!file.ok()) return file.status();
-  if (absl::Status status = file->Write(contents); !status.ok()) return status;
-  return file->Commit();
+  SIGHTLINE_ASSIGN_OR_RETURN(UnfinishedFile file, UnfinishedFile::Make(path, mode));
+  SIGHTLINE_RETURN_IF_ERROR(file.Write(contents));
+  return file.Commit();
 }
 
 }  // namespace sightline

@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -41,27 +42,24 @@ absl::Status FileLock::Lock(const std::string& path, Kind kind) const {
 }
 
 absl::StatusOr<FileLock> FileLock::TakeFolder(const std::string& folder, Kind kind) {
-  absl::StatusOr<FileLock> lock = Open(folder, O_RDONLY | O_DIRECTORY);
-  if (!lock.ok()) return lock;
-  if (absl::Status status = lock->Lock(folder, kind); !status.ok()) return status;
+  SIGHTLINE_ASSIGN_OR_RETURN(FileLock lock, Open(folder, O_RDONLY | O_DIRECTORY));
+  SIGHTLINE_RETURN_IF_ERROR(lock.Lock(folder, kind));
   return lock;
 }
 
 absl::StatusOr<FileLock> FileLock::TakeFile(const std::string& path, Kind kind) {
-  absl::StatusOr<FileLock> lock = Open(path, kLockFileFlags);
-  if (!lock.ok()) return lock;
-  if (absl::Status status = lock->Lock(path, kind); !status.ok()) return status;
+  SIGHTLINE_ASSIGN_OR_RETURN(FileLock lock, Open(path, kLockFileFlags));
+  SIGHTLINE_RETURN_IF_ERROR(lock.Lock(path, kind));
   return lock;
 }
 
 absl::StatusOr<FileLock> FileLock::AwaitFile(const std::string& path, const StopCheck& stop,
                                              Kind kind) {
-  absl::StatusOr<FileLock> lock = Open(path, kLockFileFlags);
-  if (!lock.ok()) return lock;
+  SIGHTLINE_ASSIGN_OR_RETURN(FileLock lock, Open(path, kLockFileFlags));
   while (true) {
-    absl::Status status = lock->Lock(path, kind);
+    absl::Status status = lock.Lock(path, kind);
     if (status.ok()) return lock;
-    if (absl::Status stopped = CheckStop(stop); !stopped.ok()) return stopped;
+    SIGHTLINE_RETURN_IF_ERROR(CheckStop(stop));
     absl::SleepFor(kLockPollInterval);
   }
 }

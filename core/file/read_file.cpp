@@ -11,6 +11,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/file/no_such_file.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -55,22 +56,21 @@ absl::StatusOr<File> OpenRegularFile(const std::string& path) {
 }
 
 absl::StatusOr<std::string> ReadRegularFile(const std::string& path, uint64_t max_bytes) {
-  absl::StatusOr<File> file = OpenRegularFile(path);
-  if (!file.ok()) return file.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(File file, OpenRegularFile(path));
   struct stat state {};
-  if (fstat(fileno(file->get()), &state) != 0) return CannotBeRead(path, errno);
+  if (fstat(fileno(file.get()), &state) != 0) return CannotBeRead(path, errno);
   const uint64_t claimed = static_cast<uint64_t>(std::max<off_t>(state.st_size, 0));
   if (claimed > max_bytes) return TooLarge(path, MebibytesText(claimed), max_bytes);
   // Files of /proc claim nothing, and others may grow meanwhile: the end is where reading ends.
   std::string bytes(claimed, '\0');
-  size_t size = std::fread(bytes.data(), 1, bytes.size(), file->get());
+  size_t size = std::fread(bytes.data(), 1, bytes.size(), file.get());
   bytes.resize(size);
   char more[1 << 14];
-  while ((size = std::fread(more, 1, sizeof(more), file->get())) > 0) {
+  while ((size = std::fread(more, 1, sizeof(more), file.get())) > 0) {
     if (bytes.size() + size > max_bytes) return TooLarge(path, "more", max_bytes);
     bytes.append(more, size);
   }
-  if (std::ferror(file->get()) != 0) return CannotBeRead(path, errno);
+  if (std::ferror(file.get()) != 0) return CannotBeRead(path, errno);
   return bytes;
 }
 

@@ -13,6 +13,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/image/raw_image_formats.h"
 #include "core/image/tiff_directories.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -75,7 +76,7 @@ absl::StatusOr<ImageTags> ReadPngTags(std::FILE* file, const StopCheck& stop) {
   bool image_is_frame = false, in_pixels = false;
   for (uint64_t number = 0;; ++number) {
     if (number % kChunksPerStopCheck == 0) {
-      if (absl::Status status = CheckStop(stop); !status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(CheckStop(stop));
     }
     std::array<char, 8> head{};
     if (fseeko(file, static_cast<off_t>(at), SEEK_SET) != 0 ||

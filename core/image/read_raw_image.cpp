@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/file/read_file.h"
 #include "core/image/raw_image_formats.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -70,19 +71,16 @@ absl::Status CheckBytesBehind(std::FILE* file, uint64_t end) {
 
 absl::StatusOr<RawImageFile> ReadFormat(const RawImageFormat& format, std::FILE* file,
                                         const ImageSizeCheck& check_size, const StopCheck& stop) {
-  const absl::StatusOr<ImageTags> tags = format.read_tags(file, stop);
-  if (!tags.ok()) return tags.status();
-  const absl::StatusOr<int> orientation = CheckTags(*tags);
-  if (!orientation.ok()) return orientation.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const ImageTags tags, format.read_tags(file, stop));
+  SIGHTLINE_ASSIGN_OR_RETURN(const int orientation, CheckTags(tags));
   const ImageSizeCheck check_stored = [&](int columns_px, int rows_px) {
-    if (SwapsSides(*orientation)) std::swap(columns_px, rows_px);
+    if (SwapsSides(orientation)) std::swap(columns_px, rows_px);
     return check_size(columns_px, rows_px);
   };
-  absl::StatusOr<RawImageFile> image = format.read_pixels(file, check_stored, stop);
-  if (!image.ok()) return image.status();
-  if (absl::Status status = CheckBytesBehind(file, tags->end); !status.ok()) return status;
-  image->raw_dn = Oriented(std::move(image->raw_dn), *orientation);
-  image->orientation = *orientation;
+  SIGHTLINE_ASSIGN_OR_RETURN(RawImageFile image, format.read_pixels(file, check_stored, stop));
+  SIGHTLINE_RETURN_IF_ERROR(CheckBytesBehind(file, tags.end));
+  image.raw_dn = Oriented(std::move(image.raw_dn), orientation);
+  image.orientation = orientation;
   return image;
 }
 
@@ -92,7 +90,7 @@ absl::StatusOr<RawImageFile> Read(std::FILE* file, const ImageSizeCheck& check_s
   const size_t size = std::fread(head.data(), 1, head.size(), file);
   if (size == 0) return absl::InvalidArgumentError("is empty");
   const ImageSizeCheck check = [&](int columns_px, int rows_px) {
-    if (absl::Status status = CheckSides(columns_px, rows_px); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(CheckSides(columns_px, rows_px));
     return check_size ? check_size(columns_px, rows_px) : absl::OkStatus();
   };
   const std::string_view start(head.data(), size);
@@ -112,17 +110,15 @@ absl::StatusOr<RawImageFile> Read(std::FILE* file, const ImageSizeCheck& check_s
 absl::StatusOr<RawImageFile> ReadRawImageFile(const std::string& path,
                                               const ImageSizeCheck& check_size,
                                               const StopCheck& stop) {
-  const absl::StatusOr<File> file = OpenRegularFile(path);
-  if (!file.ok()) return file.status();
-  absl::StatusOr<RawImageFile> image = Read(file->get(), check_size, stop);
+  SIGHTLINE_ASSIGN_OR_RETURN(const File file, OpenRegularFile(path));
+  absl::StatusOr<RawImageFile> image = Read(file.get(), check_size, stop);
   if (image.ok() || !absl::IsInvalidArgument(image.status())) return image;
   return absl::InvalidArgumentError(absl::StrCat(path, ": ", image.status().message()));
 }
 
 absl::StatusOr<Image<uint16_t>> ReadRawImage(const std::string& path) {
-  absl::StatusOr<RawImageFile> file = ReadRawImageFile(path);
-  if (!file.ok()) return file.status();
-  return std::move(file->raw_dn);
+  SIGHTLINE_ASSIGN_OR_RETURN(RawImageFile file, ReadRawImageFile(path));
+  return std::move(file.raw_dn);
 }
 
 }  // namespace sightline

@@ -16,6 +16,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/image/raw_image_formats.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -152,7 +153,7 @@ absl::Status ForEachStrip(TIFF* tiff, const TiffHeader& header, const StopCheck&
     buffer.resize(bytes);
     for (uint32_t row = 0; row < header.rows; row += height) {
       for (uint32_t column = 0; column < header.columns; column += width) {
-        if (absl::Status status = CheckStop(stop); !status.ok()) return status;
+        SIGHTLINE_RETURN_IF_ERROR(CheckStop(stop));
         const uint32_t tile = TIFFComputeTile(tiff, column, row, 0, 0);
         if (TIFFReadEncodedTile(tiff, tile, buffer.data(), static_cast<tmsize_t>(bytes)) !=
             static_cast<tmsize_t>(bytes)) {
@@ -172,7 +173,7 @@ absl::Status ForEachStrip(TIFF* tiff, const TiffHeader& header, const StopCheck&
   buffer.resize(uint64_t{rows_per_strip} * header.columns * pixel_bytes);
   uint32_t strip = 0;
   for (uint32_t row = 0; row < header.rows; row += rows_per_strip, ++strip) {
-    if (absl::Status status = CheckStop(stop); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(CheckStop(stop));
     const uint32_t rows = std::min(rows_per_strip, header.rows - row);
     const auto bytes = static_cast<tmsize_t>(uint64_t{rows} * header.columns * pixel_bytes);
     if (TIFFReadEncodedStrip(tiff, strip, buffer.data(), bytes) != bytes) return truncated(strip);
@@ -191,13 +192,11 @@ absl::StatusOr<RawImageFile> ReadRawTiff(std::FILE* file, const ImageSizeCheck& 
     return Damaged(message.empty() ? "it has no list of what is in it" : message);
   }
   TiffHeader header;
-  if (absl::Status status = ReadHeader(tiff.get(), &header); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(ReadHeader(tiff.get(), &header));
   const auto side = [](uint32_t value) {
     return static_cast<int>(std::min<uint32_t>(value, std::numeric_limits<int>::max()));
   };
-  if (absl::Status status = check_size(side(header.columns), side(header.rows)); !status.ok()) {
-    return status;
-  }
+  SIGHTLINE_RETURN_IF_ERROR(check_size(side(header.columns), side(header.rows)));
   RawImageFile image;
   image.file_bits = header.bits;
   image.raw_dn = Image<uint16_t>(side(header.columns), side(header.rows));
@@ -213,8 +212,7 @@ absl::StatusOr<RawImageFile> ReadRawTiff(std::FILE* file, const ImageSizeCheck& 
       }
     }
   };
-  absl::Status status = ForEachStrip(tiff.get(), header, stop, message, copy);
-  if (!status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(ForEachStrip(tiff.get(), header, stop, message, copy));
   return image;
 }
 

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -56,7 +57,7 @@ class DirectoryWalk {
     }
     Reach(0, big_tiff_ ? 16 : 8);
     const uint64_t first = big_tiff_ ? Value(head.data() + 8, 8) : Value(head.data() + 4, 4);
-    if (absl::Status status = Chain(first, /*images=*/true); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(Chain(first, /*images=*/true));
     if (found_.images.empty()) return DamagedList("it has no list of what is in it");
     return std::move(found_);
   }
@@ -85,7 +86,7 @@ class DirectoryWalk {
       const auto [offset, is_image] = waiting.back();
       waiting.pop_back();
       if (offset == 0) continue;
-      if (absl::Status status = CheckStop(stop_); !status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(CheckStop(stop_));
       if (!seen_.insert(offset).second) return DamagedList("its list of images refers to itself");
       if (seen_.size() > kMostDirectories) {
         return absl::InvalidArgumentError(
@@ -96,10 +97,7 @@ class DirectoryWalk {
       TiffDirectory directory;
       uint64_t next = 0;
       std::vector<uint64_t> below, others;
-      if (absl::Status status = Directory(offset, &directory, &next, &below, &others);
-          !status.ok()) {
-        return status;
-      }
+      SIGHTLINE_RETURN_IF_ERROR(Directory(offset, &directory, &next, &below, &others));
       waiting.emplace_back(next, is_image);
       for (const uint64_t other : others) waiting.emplace_back(other, false);
       for (size_t i = below.size(); i-- > 0;) waiting.emplace_back(below[i], is_image);
@@ -130,8 +128,7 @@ class DirectoryWalk {
     *next = Value(number.data(), offset_bytes);
     Reach(behind, offset_bytes);
     for (uint64_t i = 0; i < count; ++i) {
-      absl::Status status = Entry(entries.data() + i * entry_bytes, directory, below, others);
-      if (!status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(Entry(entries.data() + i * entry_bytes, directory, below, others));
     }
     return absl::OkStatus();
   }

@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/image/raw_image_formats.h"
 #include "core/image/tiff_directories.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -96,19 +97,18 @@ absl::StatusOr<ImageTags> ReadTiffTags(std::FILE* file, const StopCheck& stop) {
            fseeko(file, static_cast<off_t>(offset), SEEK_SET) == 0 &&
            std::fread(out, 1, size, file) == size;
   };
-  const absl::StatusOr<TiffDirectories> directories = ReadTiffDirectories(source, stop);
-  if (!directories.ok()) return directories.status();
-  const TiffDirectory& first = directories->images.front();
+  SIGHTLINE_ASSIGN_OR_RETURN(const TiffDirectories directories, ReadTiffDirectories(source, stop));
+  const TiffDirectory& first = directories.images.front();
   ImageTags tags;
-  tags.end = directories->end;
+  tags.end = directories.end;
   tags.full_images = 0;
-  for (const TiffDirectory& image : directories->images) {
+  for (const TiffDirectory& image : directories.images) {
     if (RoleOf(image) == Role::kFull) ++tags.full_images;
   }
   // A single image may be the small copy of one in another file.
-  if (directories->images.size() == 1) tags.full_images = 1;
+  if (directories.images.size() == 1) tags.full_images = 1;
   const bool is_mask = RoleOf(first) == Role::kMask;
-  if (is_mask || (RoleOf(first) != Role::kFull && directories->images.size() > 1)) {
+  if (is_mask || (RoleOf(first) != Role::kFull && directories.images.size() > 1)) {
     tags.refusals.push_back(absl::StrCat("begins with ", is_mask ? "a mask" : "a thumbnail",
                                          " (NewSubfileType), must hold one image alone"));
   }

@@ -378,10 +378,9 @@ absl::StatusOr<Camera> ParseCamera(const v1::Camera& message, const std::optiona
   Camera camera;
   std::optional<Sensor> sensor;
   if (message.has_sensor()) {
-    absl::StatusOr<Sensor> parsed = ParseSensor(
-        message.sensor(), context.empty() ? "camera.sensor" : context + ": camera.sensor");
-    if (!parsed.ok()) return parsed.status();
-    sensor = *std::move(parsed);
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        sensor, ParseSensor(message.sensor(),
+                            context.empty() ? "camera.sensor" : context + ": camera.sensor"));
     camera.columns_px = sensor->columns_px;
     camera.rows_px = sensor->rows_px;
     camera.pixel_pitch_m = sensor->pixel_pitch_m;
@@ -411,7 +410,7 @@ absl::StatusOr<Camera> ParseCamera(const v1::Camera& message, const std::optiona
                                       NumberText(sensor->pixel_pitch_m)));
     }
   }
-  if (absl::Status s = SetFieldOfView(message, lens, check, &camera); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(SetFieldOfView(message, lens, check, &camera));
   return camera;
 }
 
@@ -496,10 +495,10 @@ absl::Status ParseImaging(const v1::Inspection& message, const std::string& cont
                           Inspection* inspection) {
   const Checker check(context);
   if (message.camera().has_sensor()) {
-    absl::StatusOr<Sensor> sensor = ParseSensor(
-        message.camera().sensor(), context.empty() ? "camera.sensor" : context + ": camera.sensor");
-    if (!sensor.ok()) return sensor.status();
-    inspection->sensor = *std::move(sensor);
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        inspection->sensor,
+        ParseSensor(message.camera().sensor(),
+                    context.empty() ? "camera.sensor" : context + ": camera.sensor"));
     const v1::Sensor& file = message.camera().sensor();
     if (file.has_min_exposure_time_s())
       inspection->min_exposure_time_s = file.min_exposure_time_s();
@@ -518,9 +517,7 @@ absl::Status ParseImaging(const v1::Inspection& message, const std::string& cont
   }
   SIGHTLINE_RETURN_IF_ERROR(CheckLighting(message.lighting(), check));
   inspection->lighting = message.lighting();
-  absl::StatusOr<RenderSettings> settings = ParseRenderSettings(message.render(), check);
-  if (!settings.ok()) return settings.status();
-  inspection->render = *settings;
+  SIGHTLINE_ASSIGN_OR_RETURN(inspection->render, ParseRenderSettings(message.render(), check));
   std::set<std::string> effects;
   for (int i = 0; i < message.effects_size(); ++i) {
     const v1::Effect& effect = message.effects(i);

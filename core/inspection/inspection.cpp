@@ -79,9 +79,9 @@ absl::Status ParseBodies(const Messages& messages, const std::string& path, cons
   if (messages.empty()) return absl::OkStatus();  // keeps the default
   bodies->clear();
   for (int i = 0; i < messages.size(); ++i) {
-    absl::StatusOr<Body> body = ParseBody(messages[i], absl::StrCat(path, "[", i, "]"), check);
-    if (!body.ok()) return body.status();
-    bodies->push_back(*body);
+    SIGHTLINE_ASSIGN_OR_RETURN(Body body,
+                               ParseBody(messages[i], absl::StrCat(path, "[", i, "]"), check));
+    bodies->push_back(body);
   }
   return absl::OkStatus();
 }
@@ -542,9 +542,8 @@ void SetDefaultUncertainty(const v1::Uncertainty& message, UncertaintyModel* mod
 absl::Status ParseUncertaintyGoal(const v1::Inspection& message, const Checker& check,
                                   const std::string& context, Inspection* inspection) {
   if (message.has_uncertainty()) {
-    absl::StatusOr<UncertaintyModel> model = ParseUncertainty(message.uncertainty(), context);
-    if (!model.ok()) return model.status();
-    inspection->uncertainty = *std::move(model);
+    SIGHTLINE_ASSIGN_OR_RETURN(inspection->uncertainty,
+                               ParseUncertainty(message.uncertainty(), context));
     if (!message.rig().has_scan_step_m()) {
       // Points a sixth of the resolution apart leave nothing of the surface between them.
       double finest_m = inspection->uncertainty->resolution_m;
@@ -583,9 +582,7 @@ absl::Status ParseUncertaintyGoal(const v1::Inspection& message, const Checker& 
       }
     }
     requirements.file = given.file();
-    absl::StatusOr<std::string> unit = ToleranceFileUnit(message, check);
-    if (!unit.ok()) return unit.status();
-    requirements.file_unit = *std::move(unit);
+    SIGHTLINE_ASSIGN_OR_RETURN(requirements.file_unit, ToleranceFileUnit(message, check));
     constexpr int kMaxRegions = 10000;
     if (given.regions_size() > kMaxRegions) {
       return check.Error("tolerances.regions", absl::StrCat("has ", given.regions_size(),
@@ -641,10 +638,8 @@ namespace {
 absl::Status ParseLightLimit(const v1::Inspection& message, const Checker& check,
                              const std::string& context, Inspection* inspection) {
   if (!message.has_detectability()) return absl::OkStatus();
-  absl::StatusOr<Detectability> detectability =
-      ParseDetectability(message.detectability(), context);
-  if (!detectability.ok()) return detectability.status();
-  inspection->detectability = *std::move(detectability);
+  SIGHTLINE_ASSIGN_OR_RETURN(inspection->detectability,
+                             ParseDetectability(message.detectability(), context));
   if (!inspection->detectability->materials.empty()) {
     if (!message.detectability().has_min_detected_fraction()) return absl::OkStatus();
     return check.Error("detectability.min_detected_fraction",

@@ -163,16 +163,14 @@ absl::StatusOr<OpticsPlanning> ParseOpticsPlanning(const v1::OpticsPlanning& mes
     const Limits nearest{
         std::max(lens.min_focus_distance_m.value_or(0), 1.01 * lens.focal_length_m), 1000,
         " m, what the lens focuses on"};
-    auto domain =
-        ParseSettingDomain(message.focus_distance_m(), "optics.focus_distance_m", nearest, check);
-    if (!domain.ok()) return domain.status();
-    planning.focus_distance_m = *std::move(domain);
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        planning.focus_distance_m,
+        ParseSettingDomain(message.focus_distance_m(), "optics.focus_distance_m", nearest, check));
   }
   if (message.has_laser_power_w()) {
-    auto domain = ParseSettingDomain(message.laser_power_w(), "optics.laser_power_w",
-                                     kPlannedLaserPower, check);
-    if (!domain.ok()) return domain.status();
-    planning.laser_power_w = *std::move(domain);
+    SIGHTLINE_ASSIGN_OR_RETURN(planning.laser_power_w,
+                               ParseSettingDomain(message.laser_power_w(), "optics.laser_power_w",
+                                                  kPlannedLaserPower, check));
   }
   planning.sensor_tilt = message.sensor_tilt();
   planning.two_exposures = message.two_exposures();
@@ -202,9 +200,7 @@ absl::StatusOr<OpticsPlanning> ParseOpticsPlanning(const v1::OpticsPlanning& mes
   if (message.has_frames_per_scan()) planning.frames_per_scan = message.frames_per_scan();
   SIGHTLINE_RETURN_IF_ERROR(
       check.Range("optics.frames_per_scan", planning.frames_per_scan, kFrames));
-  auto detector = ParseLineDetector(message.detection(), check);
-  if (!detector.ok()) return detector.status();
-  planning.detector = *detector;
+  SIGHTLINE_ASSIGN_OR_RETURN(planning.detector, ParseLineDetector(message.detection(), check));
   return planning;
 }
 

@@ -102,12 +102,11 @@ absl::StatusOr<RobotMount> ParseRobotMount(const v1::Inspection& message,
     default:
       return check.Error("rig.robot.load", "is missing, must be LOAD_SENSOR_HEAD or LOAD_PART");
   }
-  auto base = ParsePose(robot.base_position_m(), robot.base_roll_pitch_yaw_deg(), "base", check);
-  if (!base.ok()) return base.status();
-  mount.base = *base;
-  auto load = ParsePose(robot.load_position_m(), robot.load_roll_pitch_yaw_deg(), "load", check);
-  if (!load.ok()) return load.status();
-  mount.load_on_tip = *load;
+  SIGHTLINE_ASSIGN_OR_RETURN(mount.base, ParsePose(robot.base_position_m(),
+                                                   robot.base_roll_pitch_yaw_deg(), "base", check));
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      mount.load_on_tip,
+      ParsePose(robot.load_position_m(), robot.load_roll_pitch_yaw_deg(), "load", check));
   if (robot.home_position_size() > kMostJoints) {
     return check.Error("rig.robot.home_position", absl::StrCat("has ", robot.home_position_size(),
                                                                " entries, at most ", kMostJoints));

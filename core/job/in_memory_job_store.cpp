@@ -21,6 +21,7 @@
 #include "core/admission/shared_limit.h"
 #include "core/job/job_store.h"
 #include "core/parallel/exception_status.h"
+#include "core/status/status_macros.h"
 #include "core/text/printable.h"
 #include "core/trace/trace_context.h"
 
@@ -98,7 +99,7 @@ class InMemoryJobStore : public JobStore {
     }
     if (job == nullptr) return std::nullopt;
     // Takes time: without the mutex.
-    if (absl::Status same = CheckSame(*job, fingerprint()); !same.ok()) return same;
+    SIGHTLINE_RETURN_IF_ERROR(CheckSame(*job, fingerprint()));
     const std::lock_guard lock(mutex_);
     return job->record;
   }
@@ -108,7 +109,7 @@ class InMemoryJobStore : public JobStore {
                                    std::unique_ptr<JobRoom> room) override {
     std::lock_guard lock(mutex_);
     if (const auto known = KnownLocked(kind, request_id); known != nullptr) {
-      if (absl::Status same = CheckSame(*known, fingerprint); !same.ok()) return same;
+      SIGHTLINE_RETURN_IF_ERROR(CheckSame(*known, fingerprint));
       return known->record;
     }
     if (stopping_) return absl::UnavailableError("the job store is shutting down");

@@ -29,6 +29,7 @@
 #include "core/json/json_text.h"
 #include "core/json/line_comments.h"
 #include "core/spelling/nearest_name.h"
+#include "core/status/status_macros.h"
 #include "core/text/number_text.h"
 #include "core/text/printable.h"
 #include "core/text/text_encoding.h"
@@ -776,7 +777,7 @@ absl::Status ParseStrictJson(std::string json, const std::string& file, Message*
     if (reader.error_byte()) return failure(*reader.error_byte(), reader.error());
     return absl::InvalidArgumentError(absl::StrCat(file, ": ", reader.error()));
   }
-  if (absl::Status status = reader.FieldErrors(); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(reader.FieldErrors());
   message->GetReflection()->Swap(message, read.get());
   return absl::OkStatus();
 }
@@ -786,9 +787,8 @@ absl::StatusOr<std::string> ReadJsonText(const std::string& path) {
 }
 
 absl::Status ReadStrictJsonFile(const std::string& path, Message* message) {
-  absl::StatusOr<std::string> text = ReadJsonText(path);
-  if (!text.ok()) return text.status();
-  return ParseStrictJson(*std::move(text), path, message);
+  SIGHTLINE_ASSIGN_OR_RETURN(std::string text, ReadJsonText(path));
+  return ParseStrictJson(std::move(text), path, message);
 }
 
 std::string ToJson(const Message& message) {

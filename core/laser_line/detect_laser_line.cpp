@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/laser_line/profile_centre.h"
 #include "core/laser_line/ridge_score.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -155,7 +156,7 @@ double Valley(const std::vector<double>& profile, double from, double to) {
 absl::StatusOr<std::vector<LinePoint>> DetectLaserLine(const Image<float>& image_dn,
                                                        const LaserLineOptions& options,
                                                        LaserLineMethod method) {
-  if (absl::Status status = CheckOptions(options); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(CheckOptions(options));
   if (image_dn.empty()) return absl::InvalidArgumentError("laser line: the image is empty");
   const Image<float> image = WithoutGaps(image_dn);
   const Image<float> scores = RidgeScore(image, options.ridge_sigma_px);

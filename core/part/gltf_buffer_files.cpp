@@ -6,6 +6,7 @@
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
+#include "core/status/status_macros.h"
 #include "core/text/text_encoding.h"
 
 namespace sightline {
@@ -84,9 +85,8 @@ std::string DecodedUri(std::string_view uri) {
 }
 
 absl::StatusOr<std::vector<GltfBufferFile>> GltfBufferFiles(std::string_view json) {
-  const absl::StatusOr<std::string_view> unmarked = WithoutByteOrderMark(json);
-  if (!unmarked.ok()) return unmarked.status();
-  const std::string_view text = WithoutEndMarks(*unmarked);
+  SIGHTLINE_ASSIGN_OR_RETURN(const std::string_view unmarked, WithoutByteOrderMark(json));
+  const std::string_view text = WithoutEndMarks(unmarked);
   BufferUris uris;
   if (!nlohmann::json::sax_parse(text.begin(), text.end(), &uris)) {
     return absl::InvalidArgumentError("truncated or damaged: its JSON does not parse");

@@ -17,6 +17,7 @@
 #include "core/part/mesh_readers.h"
 #include "core/part/surface/normalise.h"
 #include "core/spelling/one_of.h"
+#include "core/status/status_macros.h"
 #include "core/text/length_unit.h"
 
 namespace sightline {
@@ -125,9 +126,8 @@ absl::Status CheckPartUnit(const std::string& file_name, const std::string& unit
 
 absl::StatusOr<TriangleMesh> LoadPart(const std::string& path, const std::string& unit,
                                       const StopCheck& stop, std::string_view unit_advice) {
-  absl::StatusOr<std::string> bytes = ReadRegularFile(path, kMaxPartFileBytes);
-  if (!bytes.ok()) return bytes.status();
-  return Load(*bytes, FormatOf(path), unit, path, path, stop, unit_advice);
+  SIGHTLINE_ASSIGN_OR_RETURN(std::string bytes, ReadRegularFile(path, kMaxPartFileBytes));
+  return Load(bytes, FormatOf(path), unit, path, path, stop, unit_advice);
 }
 
 absl::StatusOr<TriangleMesh> LoadPartFromMemory(const std::string& bytes, const std::string& format,
@@ -138,9 +138,8 @@ absl::StatusOr<TriangleMesh> LoadPartFromMemory(const std::string& bytes, const 
 }
 
 absl::StatusOr<PointCloud> LoadPoints(const std::string& path) {
-  absl::StatusOr<std::string> bytes = ReadRegularFile(path, kMaxPartFileBytes);
-  if (!bytes.ok()) return bytes.status();
-  absl::StatusOr<RawMesh> raw = ReadPly(*bytes, {});
+  SIGHTLINE_ASSIGN_OR_RETURN(std::string bytes, ReadRegularFile(path, kMaxPartFileBytes));
+  absl::StatusOr<RawMesh> raw = ReadPly(bytes, {});
   if (!raw.ok()) {
     return absl::Status(raw.status().code(), absl::StrCat(path, ": ", raw.status().message()));
   }
@@ -156,8 +155,8 @@ absl::StatusOr<PointCloud> LoadPoints(const std::string& path) {
         path, ": point ", first - vectors.begin(), ": its ", what, " is not finite; of ",
         vectors.size(), " points this is so for ", std::count_if(first, vectors.end(), bad)));
   };
-  if (absl::Status status = first_bad(raw->positions, "position"); !status.ok()) return status;
-  if (absl::Status status = first_bad(raw->normals, "normal"); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(first_bad(raw->positions, "position"));
+  SIGHTLINE_RETURN_IF_ERROR(first_bad(raw->normals, "normal"));
   PointCloud cloud;
   cloud.positions_m = std::move(raw->positions);
   if (raw->normals.size() == cloud.positions_m.size()) {

@@ -9,6 +9,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "core/digest/sha256.h"
+#include "core/status/status_macros.h"
 #include "core/text/number.h"
 
 namespace sightline {
@@ -113,9 +114,7 @@ absl::StatusOr<PartName> ParsePartName(std::string_view text) {
     }
     text = text.substr(0, plus);
   }
-  absl::StatusOr<PartDigest> digest = ParsePartDigest(text);
-  if (!digest.ok()) return digest.status();
-  name.digest = *std::move(digest);
+  SIGHTLINE_ASSIGN_OR_RETURN(name.digest, ParsePartDigest(text));
   return name;
 }
 

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -201,7 +202,7 @@ absl::Status PolygonCutter::CutEars(std::span<const uint32_t> corners,
       };
       ear = !grid.Any(pa, pb, pc, gone, inside, &steps);
     }
-    if (absl::Status status = spend(); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(spend());
     if (!ear) {
       at = c;
       ++tried_in_vain;

@@ -24,6 +24,7 @@
 #include "core/part/gltf_extensions.h"
 #include "core/part/gltf_properties.h"
 #include "core/part/mesh_readers.h"
+#include "core/status/status_macros.h"
 #include "core/text/text_encoding.h"
 
 namespace sightline {
@@ -202,7 +203,7 @@ absl::Status CheckJson(std::string_view json, std::vector<std::string>* buffer_f
         absl::StrCat("its JSON has more materials, nodes and other elements than the ",
                      kMaxGltfElementBytes >> 20, " MiB that can be read"));
   }
-  if (absl::Status status = CheckGltfProperties(root); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(CheckGltfProperties(root));
   const bool binary = buffer_files == nullptr;
   if (const uint64_t used = OwnBufferBytes(root);
       binary && binary_bytes > (used + 3) / 4 * 4) {  // chunks are padded to words
@@ -312,18 +313,11 @@ class Converter {
   Converter(const tinygltf::Model& model, const StopCheck& stop) : model_(model), stop_(stop) {}
 
   absl::StatusOr<RawMesh> Convert() {
-    if (absl::Status status = CheckRequiredExtensions(model_.extensionsRequired); !status.ok()) {
-      return status;
-    }
-    if (absl::Status status = CheckExtensionsAt("the file", model_.extensions); !status.ok()) {
-      return status;
-    }
+    SIGHTLINE_RETURN_IF_ERROR(CheckRequiredExtensions(model_.extensionsRequired));
+    SIGHTLINE_RETURN_IF_ERROR(CheckExtensionsAt("the file", model_.extensions));
     visited_.assign(model_.nodes.size(), false);
     const size_t scene = static_cast<size_t>(std::max(model_.defaultScene, 0));
-    if (absl::Status status = model_.scenes.empty() ? AddAllRoots() : AddScene(scene);
-        !status.ok()) {
-      return status;
-    }
+    SIGHTLINE_RETURN_IF_ERROR(model_.scenes.empty() ? AddAllRoots() : AddScene(scene));
     if (mesh_.triangles.empty() && model_.scenes.size() > 1) {
       return Refuse(absl::StrCat(SceneText(scene),
                                  model_.defaultScene < 0 ? ", the first one," : ", its default,",
@@ -382,7 +376,7 @@ class Converter {
     for (size_t i = 0; i < model_.nodes.size(); ++i) {
       if (is_child[i]) continue;
       roots.push_back(PlaceText("nodes", i, model_.nodes[i].name));
-      if (absl::Status status = AddTree(static_cast<int>(i)); !status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(AddTree(static_cast<int>(i)));
     }
     if (roots.size() > 1) {
       mesh_.remarks.push_back(absl::StrCat("has no scene that says which nodes are the part; all ",
@@ -401,13 +395,10 @@ class Converter {
                                            " scenes none is the default; read was ", SceneText(0),
                                            ", not ", OtherScenesText(0)));
     }
-    if (absl::Status status =
-            CheckExtensionsAt(absl::StrCat("scenes[", scene, "]"), model_.scenes[scene].extensions);
-        !status.ok()) {
-      return status;
-    }
+    SIGHTLINE_RETURN_IF_ERROR(
+        CheckExtensionsAt(absl::StrCat("scenes[", scene, "]"), model_.scenes[scene].extensions));
     for (int node : model_.scenes[scene].nodes) {
-      if (absl::Status status = AddTree(node); !status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(AddTree(node));
     }
     return absl::OkStatus();
   }
@@ -448,35 +439,31 @@ class Converter {
       return ReadAccessor<double>(accessor.IsInt() ? accessor.Get<int>() : -1, name, components,
                                   or_integers ? kFloatOrNormalised : kFloatOnly);
     };
-    const auto translations = read("TRANSLATION", 3, false);
-    if (!translations.ok()) return translations.status();
-    const auto rotations = read("ROTATION", 4, true);
-    if (!rotations.ok()) return rotations.status();
-    const auto scales = read("SCALE", 3, false);
-    if (!scales.ok()) return scales.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto translations, read("TRANSLATION", 3, false));
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto rotations, read("ROTATION", 4, true));
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto scales, read("SCALE", 3, false));
     const size_t count =
-        std::max({translations->size() / 3, rotations->size() / 4, scales->size() / 3});
-    for (const size_t have :
-         {translations->size() / 3, rotations->size() / 4, scales->size() / 3}) {
+        std::max({translations.size() / 3, rotations.size() / 4, scales.size() / 3});
+    for (const size_t have : {translations.size() / 3, rotations.size() / 4, scales.size() / 3}) {
       if (count == 0 || (have != 0 && have != count)) {
         return Refuse(name + ": its attributes do not have the same number of instances");
       }
     }
     std::vector<Eigen::Affine3d> instances(count, Eigen::Affine3d::Identity());
     for (size_t i = 0; i < count; ++i) {
-      if (!translations->empty()) {
-        instances[i].translate(Eigen::Map<const Eigen::Vector3d>(&(*translations)[3 * i]));
+      if (!translations.empty()) {
+        instances[i].translate(Eigen::Map<const Eigen::Vector3d>(&translations[3 * i]));
       }
-      if (!rotations->empty()) {
-        const double* q = &(*rotations)[4 * i];
+      if (!rotations.empty()) {
+        const double* q = &rotations[4 * i];
         const Eigen::Quaterniond rotation(q[3], q[0], q[1], q[2]);
         if (!(std::abs(rotation.norm() - 1) < 0.01)) {
           return Refuse(absl::StrCat(name, ": rotation ", i, " is no unit quaternion"));
         }
         instances[i].rotate(rotation.normalized());
       }
-      if (!scales->empty()) {
-        instances[i].scale(Eigen::Map<const Eigen::Vector3d>(&(*scales)[3 * i]));
+      if (!scales.empty()) {
+        instances[i].scale(Eigen::Map<const Eigen::Vector3d>(&scales[3 * i]));
       }
     }
     return instances;
@@ -495,26 +482,19 @@ class Converter {
       visited_[index] = true;
       const tinygltf::Node& node = model_.nodes[index];
       if (!IsVisible(node)) continue;
-      if (absl::Status status =
-              CheckExtensionsAt(absl::StrCat("nodes[", index, "]"), node.extensions,
-                                {"EXT_mesh_gpu_instancing", "KHR_node_visibility"});
-          !status.ok()) {
-        return status;
-      }
-      absl::StatusOr<Eigen::Affine3d> local = LocalTransform(node, index);
-      if (!local.ok()) return local.status();
-      const Eigen::Affine3d transform = parent * *local;
+      SIGHTLINE_RETURN_IF_ERROR(
+          CheckExtensionsAt(absl::StrCat("nodes[", index, "]"), node.extensions,
+                            {"EXT_mesh_gpu_instancing", "KHR_node_visibility"}));
+      SIGHTLINE_ASSIGN_OR_RETURN(Eigen::Affine3d local, LocalTransform(node, index));
+      const Eigen::Affine3d transform = parent * local;
       if (node.mesh >= 0) {
         if (node.skin >= 0) {
           return Refuse(
               absl::StrCat("nodes[", index, "] is skinned: apply the pose and export again"));
         }
-        const auto instances = InstancesOf(node, index);
-        if (!instances.ok()) return instances.status();
-        for (const Eigen::Affine3d& instance : *instances) {
-          if (absl::Status status = AddMesh(node.mesh, transform * instance); !status.ok()) {
-            return status;
-          }
+        SIGHTLINE_ASSIGN_OR_RETURN(const auto instances, InstancesOf(node, index));
+        for (const Eigen::Affine3d& instance : instances) {
+          SIGHTLINE_RETURN_IF_ERROR(AddMesh(node.mesh, transform * instance));
         }
       }
       for (auto child = node.children.rbegin(); child != node.children.rend(); ++child) {
@@ -563,16 +543,11 @@ class Converter {
       return Refuse(absl::StrCat("meshes[", index, "] does not exist"));
     }
     const tinygltf::Mesh& mesh = model_.meshes[index];
-    if (absl::Status status =
-            CheckExtensionsAt(absl::StrCat("meshes[", index, "]"), mesh.extensions);
-        !status.ok()) {
-      return status;
-    }
+    SIGHTLINE_RETURN_IF_ERROR(
+        CheckExtensionsAt(absl::StrCat("meshes[", index, "]"), mesh.extensions));
     for (size_t i = 0; i < mesh.primitives.size(); ++i) {
       const std::string name = absl::StrCat("meshes[", index, "].primitives[", i, "]");
-      if (absl::Status status = AddPrimitive(mesh.primitives[i], name, transform); !status.ok()) {
-        return status;
-      }
+      SIGHTLINE_RETURN_IF_ERROR(AddPrimitive(mesh.primitives[i], name, transform));
     }
     return absl::OkStatus();
   }
@@ -655,12 +630,9 @@ class Converter {
     }
     const tinygltf::BufferView& view = model_.bufferViews[buffer_view];
     // Without the word "required" the bytes are there uncompressed as well.
-    if (absl::Status status =
-            CheckExtensionsAt(absl::StrCat("bufferViews[", buffer_view, "]"), view.extensions,
-                              {"EXT_meshopt_compression", "KHR_meshopt_compression"});
-        !status.ok()) {
-      return status;
-    }
+    SIGHTLINE_RETURN_IF_ERROR(
+        CheckExtensionsAt(absl::StrCat("bufferViews[", buffer_view, "]"), view.extensions,
+                          {"EXT_meshopt_compression", "KHR_meshopt_compression"}));
     if (view.buffer < 0 || static_cast<size_t>(view.buffer) >= model_.buffers.size()) {
       return bad("has no buffer");
     }
@@ -697,9 +669,7 @@ class Converter {
       return Refuse(name + " does not exist");
     }
     const tinygltf::Accessor& accessor = model_.accessors[index];
-    if (absl::Status status = CheckExtensionsAt(name, accessor.extensions); !status.ok()) {
-      return status;
-    }
+    SIGHTLINE_RETURN_IF_ERROR(CheckExtensionsAt(name, accessor.extensions));
     const int type = accessor.componentType;
     if (ComponentsOf(accessor.type) != components || !IsAllowed(accessor, types)) {
       return Refuse(
@@ -721,14 +691,13 @@ class Converter {
       }
       values.assign(accessor.count * components, T{});
     } else {
-      const absl::StatusOr<View> view =
-          ViewOf(accessor.bufferView, accessor.byteOffset, accessor.count, element, name);
-      if (!view.ok()) return view.status();
+      SIGHTLINE_ASSIGN_OR_RETURN(const View view, ViewOf(accessor.bufferView, accessor.byteOffset,
+                                                         accessor.count, element, name));
       values.reserve(accessor.count * components);
       for (size_t i = 0; i < accessor.count; ++i) {
         for (size_t k = 0; k < components; ++k) {
           values.push_back(
-              NumberAt<T>(view->data + i * view->stride + k * size, type, accessor.normalized));
+              NumberAt<T>(view.data + i * view.stride + k * size, type, accessor.normalized));
         }
       }
     }
@@ -751,24 +720,24 @@ class Converter {
     }
     const size_t count = static_cast<size_t>(sparse.count);
     const size_t index_size = BytesOfComponent(index_type);
-    const auto indices =
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        const auto indices,
         ViewOf(sparse.indices.bufferView, static_cast<size_t>(sparse.indices.byteOffset), count,
-               index_size, sparse_name + ".indices");
-    if (!indices.ok()) return indices.status();
-    const auto replaced =
+               index_size, sparse_name + ".indices"));
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        const auto replaced,
         ViewOf(sparse.values.bufferView, static_cast<size_t>(sparse.values.byteOffset), count,
-               element, sparse_name + ".values");
-    if (!replaced.ok()) return replaced.status();
+               element, sparse_name + ".values"));
     for (size_t i = 0, previous = 0; i < count; ++i) {
-      const size_t at = NumberAt<uint32_t>(indices->data + i * indices->stride, index_type, false);
+      const size_t at = NumberAt<uint32_t>(indices.data + i * indices.stride, index_type, false);
       if (at >= accessor.count || (i > 0 && at <= previous)) {
         return Refuse(absl::StrCat(sparse_name, ".indices: ", at,
                                    " is out of range or no larger than the one before"));
       }
       previous = at;
       for (size_t k = 0; k < components; ++k) {
-        values[at * components + k] = NumberAt<T>(replaced->data + i * replaced->stride + k * size,
-                                                  type, accessor.normalized);
+        values[at * components + k] =
+            NumberAt<T>(replaced.data + i * replaced.stride + k * size, type, accessor.normalized);
       }
     }
     return values;
@@ -776,7 +745,7 @@ class Converter {
 
   absl::Status AddPrimitive(const tinygltf::Primitive& primitive, const std::string& name,
                             const Eigen::Affine3d& transform) {
-    if (absl::Status status = CheckStop(stop_); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(CheckStop(stop_));
     const int mode = primitive.mode == -1 ? TINYGLTF_MODE_TRIANGLES : primitive.mode;
     if (mode != TINYGLTF_MODE_TRIANGLES && mode != TINYGLTF_MODE_TRIANGLE_STRIP &&
         mode != TINYGLTF_MODE_TRIANGLE_FAN) {
@@ -788,33 +757,29 @@ class Converter {
     }
     const auto attribute = primitive.attributes.find("POSITION");
     if (attribute == primitive.attributes.end()) return Refuse(name + " has no POSITION");
-    if (absl::Status status =
-            CheckExtensionsAt(name, primitive.extensions, {"KHR_draco_mesh_compression"});
-        !status.ok()) {
-      return status;
-    }
+    SIGHTLINE_RETURN_IF_ERROR(
+        CheckExtensionsAt(name, primitive.extensions, {"KHR_draco_mesh_compression"}));
     const bool quantised =
         std::find(model_.extensionsUsed.begin(), model_.extensionsUsed.end(),
                   "KHR_mesh_quantization") != model_.extensionsUsed.end() ||
         std::find(model_.extensionsRequired.begin(), model_.extensionsRequired.end(),
                   "KHR_mesh_quantization") != model_.extensionsRequired.end();
-    const auto positions = ReadAccessor<double>(attribute->second, absl::StrCat(name, ".POSITION"),
-                                                3, quantised ? kFloatOrSmallInteger : kFloatOnly);
-    if (!positions.ok()) return positions.status();
-    const size_t count = positions->size() / 3;
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        const auto positions,
+        ReadAccessor<double>(attribute->second, absl::StrCat(name, ".POSITION"), 3,
+                             quantised ? kFloatOrSmallInteger : kFloatOnly));
+    const size_t count = positions.size() / 3;
 
-    absl::StatusOr<std::vector<uint32_t>> indices = Indices(primitive, count, name);
-    if (!indices.ok()) return indices.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(std::vector<uint32_t> indices, Indices(primitive, count, name));
     if (mesh_.positions.size() + count > 3 * kMaxTriangles ||
-        mesh_.triangles.size() + indices->size() > kMaxTriangles) {
+        mesh_.triangles.size() + indices.size() > kMaxTriangles) {
       return Refuse(absl::StrCat("has more than ", kMaxTriangles, " triangles"));
     }
 
     const uint32_t base = static_cast<uint32_t>(mesh_.positions.size());
     mesh_.positions.reserve(mesh_.positions.size() + count);
     for (size_t i = 0; i < count; ++i) {
-      mesh_.positions.push_back(transform *
-                                Eigen::Map<const Eigen::Vector3d>(&(*positions)[3 * i]));
+      mesh_.positions.push_back(transform * Eigen::Map<const Eigen::Vector3d>(&positions[3 * i]));
     }
     // A mirroring transform turns the triangles inside out.
     const bool flip = transform.linear().determinant() < 0;
@@ -822,7 +787,7 @@ class Converter {
       if (flip) std::swap(b, c);
       mesh_.triangles.push_back({base + a, base + b, base + c});
     };
-    const std::vector<uint32_t>& v = *indices;
+    const std::vector<uint32_t>& v = indices;
     if (mode == TINYGLTF_MODE_TRIANGLES) {
       if (v.size() % 3 != 0) {
         return Refuse(absl::StrCat(name, " has ", v.size(), " corners, no multiple of 3"));
@@ -856,10 +821,10 @@ class Converter {
       for (size_t i = 0; i < vertex_count; ++i) indices[i] = static_cast<uint32_t>(i);
       return indices;
     }
-    auto read =
-        ReadAccessor<uint32_t>(primitive.indices, absl::StrCat(name, ".indices"), 1, kIndices);
-    if (!read.ok()) return read.status();
-    for (const uint32_t index : *read) {
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        auto read,
+        ReadAccessor<uint32_t>(primitive.indices, absl::StrCat(name, ".indices"), 1, kIndices));
+    for (const uint32_t index : read) {
       if (index >= vertex_count) {
         return Refuse(absl::StrCat(name, ": index ", index, " is out of range, there are ",
                                    vertex_count, " vertices"));
@@ -878,16 +843,14 @@ class Converter {
 // `load` calls tinygltf.
 template <typename Load>
 absl::StatusOr<RawMesh> LoadModel(tinygltf::TinyGLTF& loader, const StopCheck& stop, Load load) {
-  if (absl::Status status = CheckStop(stop); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(CheckStop(stop));
   loader.SetImageLoader(IgnoreImage, nullptr);
   tinygltf::Model model;
   std::string error, warning;
   try {
     if (!load(&model, &error, &warning)) {
       // A required extension, for example of compressed buffers, may be why.
-      if (absl::Status status = CheckRequiredExtensions(model.extensionsRequired); !status.ok()) {
-        return status;
-      }
+      SIGHTLINE_RETURN_IF_ERROR(CheckRequiredExtensions(model.extensionsRequired));
       return Refuse(absl::StrCat("cannot be parsed: ", OneLine(error)));
     }
   } catch (const std::bad_alloc&) {
@@ -932,10 +895,7 @@ absl::StatusOr<RawMesh> ReadGlb(std::string_view bytes, const StopCheck& stop) {
     if (type == kBinaryChunk) binary_bytes = word(at);
     at += 8 + size_t{word(at)};
   }
-  if (absl::Status status = CheckJson(bytes.substr(20, word(12)), nullptr, binary_bytes);
-      !status.ok()) {
-    return status;
-  }
+  SIGHTLINE_RETURN_IF_ERROR(CheckJson(bytes.substr(20, word(12)), nullptr, binary_bytes));
   tinygltf::TinyGLTF loader;
   loader.SetFsCallbacks({NoSuchFile, SamePath, ReadNoFile, WriteNoFile, nullptr});
   const auto load = [&](tinygltf::Model* model, std::string* error, std::string* warning) {
@@ -948,12 +908,11 @@ absl::StatusOr<RawMesh> ReadGlb(std::string_view bytes, const StopCheck& stop) {
 
 absl::StatusOr<RawMesh> ReadGltfFile(std::string_view bytes, const std::string& path,
                                      const StopCheck& stop) {
-  const absl::StatusOr<std::string_view> text = WithoutByteOrderMark(bytes);
-  if (!text.ok()) return text.status();
-  const std::string_view json = WithoutEndMarks(*text);
+  SIGHTLINE_ASSIGN_OR_RETURN(const std::string_view text, WithoutByteOrderMark(bytes));
+  const std::string_view json = WithoutEndMarks(text);
   BufferFiles files;
   files.folder = std::filesystem::path(path).parent_path().string();
-  if (absl::Status status = CheckJson(json, &files.names, 0); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(CheckJson(json, &files.names, 0));
   tinygltf::TinyGLTF loader;
   loader.SetFsCallbacks({IsBufferFile, SamePath, ReadBufferFile, WriteNoFile, &files});
   const auto load = [&](tinygltf::Model* model, std::string* error, std::string* warning) {

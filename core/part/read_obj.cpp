@@ -7,13 +7,13 @@
 #include "absl/strings/str_cat.h"
 #include "core/part/mesh_readers.h"
 #include "core/part/polygon.h"
+#include "core/status/status_macros.h"
 #include "core/text/text_encoding.h"
 
 namespace sightline {
 
 absl::StatusOr<RawMesh> ReadObj(std::string_view bytes, const StopCheck& stop) {
-  const absl::StatusOr<std::string_view> text = WithoutByteOrderMark(bytes);
-  if (!text.ok()) return text.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const std::string_view text, WithoutByteOrderMark(bytes));
   static constexpr std::array<std::string_view, 17> kIgnored = {
       "vn", "vt",     "vp",     "o",     "g",        "s",        "mg",  "mtllib",    "l",
       "p",  "usemap", "maplib", "bevel", "c_interp", "d_interp", "lod", "shadow_obj"};
@@ -21,7 +21,7 @@ absl::StatusOr<RawMesh> ReadObj(std::string_view bytes, const StopCheck& stop) {
                                                                 "surf"};
   RawMesh mesh;
   PolygonCutter cutter(stop);
-  TextScanner scanner(WithoutEndMarks(*text), /*continued=*/true);
+  TextScanner scanner(WithoutEndMarks(text), /*continued=*/true);
   std::vector<uint32_t> corners;
   std::string material;
   const auto error = [&](const std::string& reason) {
@@ -36,7 +36,7 @@ absl::StatusOr<RawMesh> ReadObj(std::string_view bytes, const StopCheck& stop) {
   };
   do {
     if (scanner.line() % kStepsPerStopCheck == 0) {
-      if (absl::Status status = CheckStop(stop); !status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(CheckStop(stop));
     }
     in_comment = false;
     const std::string_view keyword = next_word();

@@ -13,6 +13,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/part/mesh_readers.h"
 #include "core/part/polygon.h"
+#include "core/status/status_macros.h"
 #include "core/text/text_encoding.h"
 
 namespace sightline {
@@ -208,9 +209,7 @@ class PlyBody {
 }  // namespace
 
 absl::StatusOr<RawMesh> ReadPly(std::string_view file, const StopCheck& stop) {
-  const absl::StatusOr<std::string_view> unmarked = WithoutByteOrderMark(file);
-  if (!unmarked.ok()) return unmarked.status();
-  std::string_view bytes = *unmarked;
+  SIGHTLINE_ASSIGN_OR_RETURN(std::string_view bytes, WithoutByteOrderMark(file));
   TextScanner header(bytes);
   const auto header_error = [&](const std::string& reason) {
     return absl::InvalidArgumentError(absl::StrCat("line ", header.line(), ": ", reason));
@@ -349,7 +348,7 @@ absl::StatusOr<RawMesh> ReadPly(std::string_view file, const StopCheck& stop) {
     }
     for (uint64_t i = 0; i < element.count; ++i) {
       if (i % kStepsPerStopCheck == 0) {
-        if (absl::Status status = CheckStop(stop); !status.ok()) return status;
+        SIGHTLINE_RETURN_IF_ERROR(CheckStop(stop));
       }
       Eigen::Vector3d position = Eigen::Vector3d::Zero(), normal = Eigen::Vector3d::Zero();
       size_t first_line = 0;  // with a number of this element

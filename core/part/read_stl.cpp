@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/part/mesh_readers.h"
 #include "core/part/polygon.h"
+#include "core/status/status_macros.h"
 #include "core/text/text_encoding.h"
 
 namespace sightline {
@@ -35,7 +36,7 @@ absl::StatusOr<RawMesh> ReadFacets(std::string_view bytes, size_t count, const S
   mesh.triangles.reserve(count);
   for (size_t t = 0; t < count; ++t) {
     if (t % kStepsPerStopCheck == 0) {
-      if (absl::Status status = CheckStop(stop); !status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(CheckStop(stop));
     }
     const size_t at = kHeader + kFacet * t + 12;
     for (size_t corner = 0; corner < 3; ++corner) {
@@ -65,9 +66,9 @@ class AsciiStl {
     size_t words = 0;
     for (std::string word = Next(); !word.empty(); word = Next()) {
       if (++words % kStepsPerStopCheck == 0) {
-        if (absl::Status status = CheckStop(stop_); !status.ok()) return status;
+        SIGHTLINE_RETURN_IF_ERROR(CheckStop(stop_));
       }
-      if (absl::Status status = Take(word); !status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(Take(word));
     }
     if (place_ != Place::kOutside) return Error("truncated: the file ends before \"endsolid\"");
     return std::move(mesh_);
@@ -97,9 +98,7 @@ class AsciiStl {
   absl::Status Take(const std::string& word) {
     if (word == "vertex") return TakeVertex();
     if (word == "facet") {
-      if (absl::Status status = Go(Place::kInSolid, Place::kInFacet, "facet"); !status.ok()) {
-        return status;
-      }
+      SIGHTLINE_RETURN_IF_ERROR(Go(Place::kInSolid, Place::kInFacet, "facet"));
       SkipNormal();
       return absl::OkStatus();
     }

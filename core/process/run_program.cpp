@@ -16,6 +16,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "core/process/process_clock.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -112,13 +113,12 @@ absl::StatusOr<FinishedProgram> RunProgram(ProcessStart start, const ProgramLimi
   }
   start.descriptors.push_back({.number = 1, .ours = output.ends[1]});
   start.descriptors.push_back({.number = 2, .ours = errors.ends[1]});
-  const absl::StatusOr<pid_t> started = StartProcess(start);
-  if (!started.ok()) return started.status();
-  Child child(*started, !start.in_our_group);
+  SIGHTLINE_ASSIGN_OR_RETURN(const pid_t started, StartProcess(start));
+  Child child(started, !start.in_our_group);
   output.CloseWriteEnd();
   errors.CloseWriteEnd();
 
-  ProcessClock clock(*started);
+  ProcessClock clock(started);
   FinishedProgram finished;
   const absl::Status all = ReadAll(output, errors, limits, &clock, &finished);
   if (absl::IsDeadlineExceeded(all)) return late;

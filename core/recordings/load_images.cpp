@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/image/image_tags.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -18,14 +19,13 @@ constexpr int64_t kMaxSetBytes = int64_t{16} << 30;
 absl::StatusOr<Image<uint16_t>> LoadRawImage(const std::string& path, int bit_depth_bit,
                                              const ImageSizeCheck& check_size,
                                              const StopCheck& stop) {
-  absl::StatusOr<RawImageFile> file = ReadRawImageFile(path, check_size, stop);
-  if (!file.ok()) return file.status();
-  if (file->file_bits == 8 && bit_depth_bit > 8) {
+  SIGHTLINE_ASSIGN_OR_RETURN(RawImageFile file, ReadRawImageFile(path, check_size, stop));
+  if (file.file_bits == 8 && bit_depth_bit > 8) {
     return absl::InvalidArgumentError(
         absl::StrCat(path, ": has 8 bits a pixel, but the camera has ", bit_depth_bit,
                      ": record raw numbers in 16-bit files"));
   }
-  return std::move(file->raw_dn);
+  return std::move(file.raw_dn);
 }
 
 absl::StatusOr<LoadedImages> LoadRecordedImages(const RecordingSet& set,
@@ -47,7 +47,7 @@ absl::StatusOr<LoadedImages> LoadRecordedImages(const RecordingSet& set,
   std::vector<std::string> narrow;
   std::map<int, std::vector<std::string>> by_orientation;
   for (size_t i = 0; i < images.size(); ++i) {
-    if (absl::Status status = CheckStop(stop); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(CheckStop(stop));
     const RecordedImage& recording = set.recordings[i];
     if (i >= paths.size()) {
       errors->push_back(absl::StrCat(recording.file, ": recordings[", i, "].file is missing"));

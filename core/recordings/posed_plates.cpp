@@ -86,9 +86,7 @@ absl::StatusOr<PosedPlates> ParsePosedPlates(const v1::Recordings& message, cons
                   .cx = c.principal_point_column_px(),
                   .cy = c.principal_point_row_px(),
                   .distortion = {d.k1(), d.k2(), d.p1(), d.p2(), d.k3()}};
-  const absl::StatusOr<LaserSheet> sheet = ParseSheet(message, check);
-  if (!sheet.ok()) return sheet.status();
-  posed.sheet = *sheet;
+  SIGHTLINE_ASSIGN_OR_RETURN(posed.sheet, ParseSheet(message, check));
   return posed;
 }
 
@@ -128,9 +126,7 @@ absl::StatusOr<Eigen::Isometry3d> ParsePlatePose(const v1::Recording::PlatePose&
 absl::StatusOr<LineInRegion> FindLineInRegion(const PosedPlates& posed, const Sensor& sensor,
                                               const RecordedImage& image) {
   LineInRegion found;
-  const absl::StatusOr<PlateLine> line = LineOnPlate(posed.sheet, *image.plate_in_camera);
-  if (!line.ok()) return line.status();
-  found.line = *line;
+  SIGHTLINE_ASSIGN_OR_RETURN(found.line, LineOnPlate(posed.sheet, *image.plate_in_camera));
   const double first_column = sensor.columns_px / 2 + image.roi_column_px;
   const double first_row = sensor.rows_px / 2 + image.roi_row_px;
   const double last_column = first_column + image.roi_columns_px - 1;

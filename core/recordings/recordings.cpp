@@ -93,10 +93,8 @@ absl::Status ParsePose(const v1::Recording& m, const std::string& path, const Ch
     if (image->kind != RecordingKind::kLaser) return absl::OkStatus();
     return check.Error(path + ".plate_pose", "is missing");
   }
-  absl::StatusOr<Eigen::Isometry3d> pose =
-      ParsePlatePose(m.plate_pose(), path + ".plate_pose", check);
-  if (!pose.ok()) return pose.status();
-  image->plate_in_camera = *pose;
+  SIGHTLINE_ASSIGN_OR_RETURN(image->plate_in_camera,
+                             ParsePlatePose(m.plate_pose(), path + ".plate_pose", check));
   return absl::OkStatus();
 }
 
@@ -260,10 +258,8 @@ absl::StatusOr<RecordingSet> ParseRecordings(const v1::Recordings& message,
   }
   set.name = message.set();
   if (!message.has_camera()) return check.Error("camera", "is missing");
-  absl::StatusOr<Sensor> sensor =
-      ParseSensor(message.camera(), context.empty() ? "camera" : context + ": camera");
-  if (!sensor.ok()) return sensor.status();
-  set.camera = *std::move(sensor);
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      set.camera, ParseSensor(message.camera(), context.empty() ? "camera" : context + ": camera"));
 
   const Fields lens(check, "lens.");
   SIGHTLINE_RETURN_IF_ERROR(lens.Number("focal_length_m", message.lens().has_focal_length_m(),
@@ -323,9 +319,7 @@ absl::StatusOr<RecordingSet> ParseRecordings(const v1::Recordings& message,
     if (message.has_rig()) {
       return check.Error("rig", "belongs to format_version 1: angles follow from the poses");
     }
-    absl::StatusOr<PosedPlates> posed = ParsePosedPlates(message, set.camera, check);
-    if (!posed.ok()) return posed.status();
-    set.posed = *posed;
+    SIGHTLINE_ASSIGN_OR_RETURN(set.posed, ParsePosedPlates(message, set.camera, check));
   } else {
     if (message.has_surface()) return check.Error("surface", "belongs to format_version 1");
     if (message.has_rig()) return check.Error("rig", "belongs to format_version 1");
@@ -335,62 +329,56 @@ absl::StatusOr<RecordingSet> ParseRecordings(const v1::Recordings& message,
     part.part_digest = message.part().part_digest();
     if (part.file.empty()) return check.Error("part.file", "is missing");
     const std::string part_context = context.empty() ? "part" : context + ": part";
-    absl::StatusOr<Lens> part_lens = ParseLens(message.part().lens(), part_context);
-    if (!part_lens.ok()) return part_lens.status();
-    part.lens = *std::move(part_lens);
-    absl::StatusOr<Laser> part_laser = ParseLaser(message.part().laser(), part_context);
-    if (!part_laser.ok()) return part_laser.status();
-    part.laser = *part_laser;
+    SIGHTLINE_ASSIGN_OR_RETURN(part.lens, ParseLens(message.part().lens(), part_context));
+    SIGHTLINE_ASSIGN_OR_RETURN(part.laser, ParseLaser(message.part().laser(), part_context));
     part.materials = {message.part().materials().begin(), message.part().materials().end()};
     part.lighting = message.part().lighting();
     set.part = std::move(part);
   }
-  absl::StatusOr<SetupDeviation> uncertainty =
-      ParseSetupDeviation(message.uncertainty(), false, "uncertainty", context);
-  if (!uncertainty.ok()) return uncertainty.status();
-  set.uncertainty = *uncertainty;
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      set.uncertainty, ParseSetupDeviation(message.uncertainty(), false, "uncertainty", context));
 
   if (message.recordings().empty()) return check.Error("recordings", "is empty");
   std::set<std::string> files;
   for (int i = 0; i < message.recordings_size(); ++i) {
     const std::string path = absl::StrCat("recordings[", i, "]");
-    absl::StatusOr<RecordedImage> image =
-        ParseImage(message.recordings(i), set.format_version, set.camera, path, check);
-    if (!image.ok()) return image.status();
-    if (!files.insert(image->file).second) {
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        RecordedImage image,
+        ParseImage(message.recordings(i), set.format_version, set.camera, path, check));
+    if (!files.insert(image.file).second) {
       return check.Error(path + ".file",
-                         absl::StrCat("is \"", image->file, "\" like that of another recording"));
+                         absl::StrCat("is \"", image.file, "\" like that of another recording"));
     }
-    if (image->focus_distance_m <= set.focal_length_m && set.format_version != 2) {
+    if (image.focus_distance_m <= set.focal_length_m && set.format_version != 2) {
       return check.Error(
           path + ".focus_distance_m",
-          absl::StrCat("is ", NumberText(image->focus_distance_m),
+          absl::StrCat("is ", NumberText(image.focus_distance_m),
                        ", must be above lens.focal_length_m = ", NumberText(set.focal_length_m)));
     }
-    if (!set.recordings.empty() && image->timestamp_s < set.recordings.back().timestamp_s) {
+    if (!set.recordings.empty() && image.timestamp_s < set.recordings.back().timestamp_s) {
       return check.Error(path + ".timestamp_s",
-                         absl::StrCat("is ", NumberText(image->timestamp_s),
+                         absl::StrCat("is ", NumberText(image.timestamp_s),
                                       ", before that of the recording before: recordings are in "
                                       "order of time"));
     }
-    if (image->burst_frame_index > 0 &&
+    if (image.burst_frame_index > 0 &&
         (set.recordings.empty() ||
-         set.recordings.back().burst_frame_index + 1 != image->burst_frame_index)) {
+         set.recordings.back().burst_frame_index + 1 != image.burst_frame_index)) {
       return check.Error(
           path + ".burst_frame_index",
-          absl::StrCat("is ", image->burst_frame_index, ", must follow the recording with ",
-                       image->burst_frame_index - 1));
+          absl::StrCat("is ", image.burst_frame_index, ", must follow the recording with ",
+                       image.burst_frame_index - 1));
     }
-    if (image->burst_frame_index > 0 &&
-        (image->roi_columns_px != set.recordings.back().roi_columns_px ||
-         image->roi_rows_px != set.recordings.back().roi_rows_px)) {
+    if (image.burst_frame_index > 0 &&
+        (image.roi_columns_px != set.recordings.back().roi_columns_px ||
+         image.roi_rows_px != set.recordings.back().roi_rows_px)) {
       return check.Error(path + ".roi_columns_px",
                          "differs from that of the frame before in the same burst");
     }
-    if (set.posed && image->kind == RecordingKind::kLaser) {
-      SIGHTLINE_RETURN_IF_ERROR(CheckLineInRegion(*set.posed, set.camera, *image, path, check));
+    if (set.posed && image.kind == RecordingKind::kLaser) {
+      SIGHTLINE_RETURN_IF_ERROR(CheckLineInRegion(*set.posed, set.camera, image, path, check));
     }
-    set.recordings.push_back(*std::move(image));
+    set.recordings.push_back(std::move(image));
   }
   return set;
 }
@@ -419,9 +407,8 @@ std::string NumberNullPlatePositions(std::string json) {
 }
 
 absl::Status ReadRecordingsMessage(const std::string& path, v1::Recordings* message) {
-  absl::StatusOr<std::string> text = ReadJsonText(path);
-  if (!text.ok()) return text.status();
-  return ParseStrictJson(NumberNullPlatePositions(*std::move(text)), path, message);
+  SIGHTLINE_ASSIGN_OR_RETURN(std::string text, ReadJsonText(path));
+  return ParseStrictJson(NumberNullPlatePositions(std::move(text)), path, message);
 }
 
 absl::StatusOr<RecordingSet> ReadRecordings(const std::string& path) {

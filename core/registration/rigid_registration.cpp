@@ -12,6 +12,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/statistics/order_statistics.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -295,7 +296,7 @@ absl::StatusOr<Registration> RegisterPoints(const SurfaceIndex& model,
   Estimator estimator(model, points_m, normals, options);
   for (const bool fine : {false, true}) {
     const size_t most = fine ? options.most_points : std::min(kCoarsePoints, options.most_points);
-    if (absl::Status status = estimator.Iterate(most, fine); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(estimator.Iterate(most, fine));
   }
   return estimator.Finish();
 }

@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/block_adjustment/block_adjustment.h"
 #include "core/scanner_calibration/target_camera.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -100,11 +101,10 @@ absl::StatusOr<AdjustedHandEye> Adjust(const Motions& flange, const Motions& tar
   if (flange.size() != target.size() || flange.size() < 3) {
     return absl::InvalidArgumentError("at least three frames with poses are needed");
   }
-  const auto start = StartHandEye(flange, target);
-  if (!start.ok()) return start.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto start, StartHandEye(flange, target));
   BlockProblem problem;
   problem.shared.resize(kHandEyeParameters);
-  problem.shared << SixOf(*start), SixOf(flange[0] * *start * target[0]), 1;
+  problem.shared << SixOf(start), SixOf(flange[0] * start * target[0]), 1;
   problem.shared_step = Eigen::VectorXd::Constant(kHandEyeParameters, 1e-6);
   problem.prior_standard_deviation =
       Eigen::VectorXd::Constant(kHandEyeParameters, std::numeric_limits<double>::infinity());
@@ -121,16 +121,15 @@ absl::StatusOr<AdjustedHandEye> Adjust(const Motions& flange, const Motions& tar
       r.tail<3>() /= position_sd;
       return r;
     };
-    const auto solution = AdjustBlocks(problem);
-    if (!solution.ok()) return solution.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto solution, AdjustBlocks(problem));
     // A prior is about its start: the scale starts at 1 again.
-    problem.shared = solution->shared;
+    problem.shared = solution.shared;
     problem.shared[kScale] = 1;
     HandEye result;
-    result.camera_in_flange = solution->shared.head<6>();
-    result.covariance = solution->shared_covariance.topLeftCorner<6, 6>();
+    result.camera_in_flange = solution.shared.head<6>();
+    result.covariance = solution.shared_covariance.topLeftCorner<6, 6>();
     for (size_t k = 0; k < flange.size(); ++k) {
-      const Eigen::VectorXd r = Closure(flange[k], target[k], solution->shared);
+      const Eigen::VectorXd r = Closure(flange[k], target[k], solution.shared);
       result.turn_rad.push_back(r.head<3>().norm());
       result.position_m.push_back(r.tail<3>().norm());
       result.closure_rad += r.head<3>().squaredNorm() / static_cast<double>(flange.size());
@@ -142,8 +141,8 @@ absl::StatusOr<AdjustedHandEye> Adjust(const Motions& flange, const Motions& tar
     turn_sd = std::max(1e-9, result.closure_rad / std::sqrt(freedom));
     position_sd = std::max(1e-9, result.closure_m / std::sqrt(freedom));
     adjusted.hand_eye = std::move(result);
-    adjusted.scale = {.value = solution->shared[kScale],
-                      .standard_error = std::sqrt(solution->shared_covariance(kScale, kScale))};
+    adjusted.scale = {.value = solution.shared[kScale],
+                      .standard_error = std::sqrt(solution.shared_covariance(kScale, kScale))};
   }
   return adjusted;
 }
@@ -151,15 +150,14 @@ absl::StatusOr<AdjustedHandEye> Adjust(const Motions& flange, const Motions& tar
 }  // namespace
 
 absl::StatusOr<HandEye> FindHandEye(const Motions& flange, const Motions& target) {
-  auto adjusted = Adjust(flange, target, 0);
-  if (!adjusted.ok()) return adjusted.status();
-  return std::move(adjusted->hand_eye);
+  SIGHTLINE_ASSIGN_OR_RETURN(auto adjusted, Adjust(flange, target, 0));
+  return std::move(adjusted.hand_eye);
 }
 
 absl::StatusOr<RobotScale> ScaleByRobot(const Motions& flange, const Motions& target) {
-  const auto adjusted = Adjust(flange, target, std::numeric_limits<double>::infinity());
-  if (!adjusted.ok()) return adjusted.status();
-  return adjusted->scale;
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto adjusted,
+                             Adjust(flange, target, std::numeric_limits<double>::infinity()));
+  return adjusted.scale;
 }
 
 std::string WhyPosesDoNotFit(const Motions& flange, const Motions& target,

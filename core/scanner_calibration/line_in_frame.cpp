@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/laser_line/detect_laser_line.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -44,11 +45,11 @@ absl::StatusOr<std::vector<Crossing>> Crossings(const Image<uint16_t>& image, bo
   options.saturation_dn = saturation_dn;
   options.max_lines = 2;
   options.background_dn = std::numeric_limits<double>::quiet_NaN();
-  const auto points = DetectLaserLine(ProfilesOf(image, along_columns), options,
-                                      LaserLineMethod::kStegerCentreOfGravity);
-  if (!points.ok()) return points.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto points,
+                             DetectLaserLine(ProfilesOf(image, along_columns), options,
+                                             LaserLineMethod::kStegerCentreOfGravity));
   std::vector<Crossing> crossings;
-  for (const LinePoint& point : *points) {
+  for (const LinePoint& point : points) {
     const Eigen::Vector2d image_px = along_columns ? Eigen::Vector2d(point.row_px, point.column_px)
                                                    : Eigen::Vector2d(point.column_px, point.row_px);
     const Eigen::Vector3d ray = camera.Ray(image_px);
@@ -146,9 +147,8 @@ absl::StatusOr<LineInFrame> FindLineInFrame(const Image<uint16_t>& image, double
   std::vector<Crossing> best;
   bool along_columns = true;
   for (const bool down : {true, false}) {
-    const auto all = Crossings(image, down, saturation_dn, camera);
-    if (!all.ok()) return all.status();
-    std::vector<Crossing> on_line = OnOneLine(*all);
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto all, Crossings(image, down, saturation_dn, camera));
+    std::vector<Crossing> on_line = OnOneLine(all);
     if (on_line.size() <= best.size()) continue;
     best = std::move(on_line);
     along_columns = down;

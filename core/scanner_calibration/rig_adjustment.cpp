@@ -8,6 +8,7 @@
 
 #include "core/block_adjustment/block_adjustment.h"
 #include "core/block_adjustment/covariance_between_blocks.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -189,12 +190,11 @@ absl::StatusOr<TargetPose> PoseOfTarget(const TargetBoard& board, const Calibrat
                           const Eigen::VectorXd&) -> Eigen::VectorXd {
     return CornerResiduals(board, frame, shared, pose) / corner_sd_px;
   };
-  const auto solution = AdjustBlocks(problem);
-  if (!solution.ok()) return solution.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto solution, AdjustBlocks(problem));
   return TargetPose{
-      .pose = solution->shared,
-      .covariance = solution->shared_covariance,
-      .rms_px = corner_sd_px * std::sqrt(solution->sum_of_squares / board.corner_count())};
+      .pose = solution.shared,
+      .covariance = solution.shared_covariance,
+      .rms_px = corner_sd_px * std::sqrt(solution.sum_of_squares / board.corner_count())};
 }
 
 Eigen::Vector3d PointOnPlane(const Eigen::VectorXd& shared, const Eigen::Vector2d& image_px) {

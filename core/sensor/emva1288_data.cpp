@@ -19,6 +19,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
 #include "absl/strings/str_split.h"
+#include "core/status/status_macros.h"
 #include "core/text/number.h"
 
 namespace sightline {
@@ -65,9 +66,9 @@ class DataFileReader {
       }
       absl::StripAsciiWhitespace(&line);
       if (line.empty() || line[0] == '#') continue;
-      if (absl::Status status = ReadLine(line); !status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(ReadLine(line));
     }
-    if (absl::Status status = FinishStep(); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(FinishStep());
     if (!set_.has_bit_depth_bit()) {
       return absl::InvalidArgumentError(absl::StrCat(
           context_, ": has no line \"n BITS COLUMNS ROWS\", which says what the images are"));
@@ -79,7 +80,7 @@ class DataFileReader {
                        decimal_comma_line_,
                        " has a decimal comma; numbers must have a decimal point"));
     }
-    if (absl::Status status = CheckSensorSet(set_, context_); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(CheckSensorSet(set_, context_));
     SortSteps();
     return std::move(set_);
   }
@@ -153,22 +154,20 @@ class DataFileReader {
   }
 
   absl::Status StartStep(bool dark, const std::vector<std::string>& words) {
-    if (absl::Status status = FinishStep(); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(FinishStep());
     if (words.empty() || words.size() > (dark ? 1 : 2)) {
       return Error(dark ? "must be \"d EXPOSURE_TIME_NS\""
                         : "must be \"b EXPOSURE_TIME_NS PHOTONS\"");
     }
-    const auto exposure_time_ns = ParseNumber("the exposure time", words[0]);
-    if (!exposure_time_ns.ok()) return exposure_time_ns.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto exposure_time_ns,
+                               ParseNumber("the exposure time", words[0]));
     std::optional<double> photons;
     if (words.size() == 2) {
-      const auto read = ParseNumber("the number of photons", words[1]);
-      if (!read.ok()) return read.status();
-      photons = *read;
+      SIGHTLINE_ASSIGN_OR_RETURN(photons, ParseNumber("the number of photons", words[1]));
     }
     v1::FlatFieldStep* step = set_.add_steps();
     step->set_dark(dark);
-    step->set_exposure_time_s(1e-9 * *exposure_time_ns);
+    step->set_exposure_time_s(1e-9 * exposure_time_ns);
     if (photons) step->set_photons(*photons);
     step_line_.push_back(line_);
     return absl::OkStatus();

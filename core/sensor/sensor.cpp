@@ -125,27 +125,26 @@ absl::Status ParseQuantumEfficiency(const v1::Sensor& message, const Checker& ch
                        "it, ", NumberText(message.quantum_efficiency_curve(i - 1).wavelength_m()),
                        " m"));
     }
-    const auto values = ParseChannelValues(point, mono, path, check);
-    if (!values.ok()) return values.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto values, ParseChannelValues(point, mono, path, check));
     for (int channel = 0; channel < sensor->channels(); ++channel) {
-      if (!(*values)[channel]) continue;
+      if (!values[channel]) continue;
       sensor->quantum_efficiency[channel].wavelength_m.push_back(wavelength);
-      sensor->quantum_efficiency[channel].quantum_efficiency.push_back(*(*values)[channel]);
+      sensor->quantum_efficiency[channel].quantum_efficiency.push_back(*values[channel]);
     }
   }
-  const auto values =
-      ParseChannelValues(message.quantum_efficiency(), mono, "quantum_efficiency", check);
-  if (!values.ok()) return values.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      const auto values,
+      ParseChannelValues(message.quantum_efficiency(), mono, "quantum_efficiency", check));
   for (int channel = 0; channel < sensor->channels(); ++channel) {
     QuantumEfficiencyCurve& curve = sensor->quantum_efficiency[channel];
     if (!curve.wavelength_m.empty()) continue;
     const char* name = kChannelNames[mono ? 0 : 1][channel];
-    if (!(*values)[channel]) {
+    if (!values[channel]) {
       return check.Error(
           absl::StrCat("quantum_efficiency.", name),
           absl::StrCat("is missing, and quantum_efficiency_curve has no ", name, " either"));
     }
-    curve = {{0}, {*(*values)[channel]}};
+    curve = {{0}, {*values[channel]}};
   }
   return absl::OkStatus();
 }
@@ -203,9 +202,7 @@ absl::StatusOr<Sensor> ParseSensor(const v1::Sensor& message, const std::string&
   const Checker check(context);
   Sensor sensor;
   sensor.name = message.name();
-  absl::StatusOr<ColourFilter> filter = ParseSensorType(message.sensor_type(), check);
-  if (!filter.ok()) return filter.status();
-  sensor.colour_filter = *filter;
+  SIGHTLINE_ASSIGN_OR_RETURN(sensor.colour_filter, ParseSensorType(message.sensor_type(), check));
 
   for (const auto& [given, name] :
        {std::pair(message.has_pixel_pitch_m(), "pixel_pitch_m"),

@@ -20,6 +20,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -252,8 +253,8 @@ class Sampler {
   }
 
   absl::StatusOr<std::vector<Point>> Run() {
-    if (absl::Status status = ThrowDarts(); !status.ok()) return status;
-    if (absl::Status status = FillGaps(); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(ThrowDarts());
+    SIGHTLINE_RETURN_IF_ERROR(FillGaps());
     return std::move(accepted_);
   }
 
@@ -339,7 +340,7 @@ class Sampler {
     if (!Shuffle(&candidates, &random_, [this] { return ShouldStop(); })) return Cancelled();
     for (const Point& candidate : candidates) {
       if (ShouldStop()) return Cancelled();
-      if (absl::Status status = Try(candidate); !status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(Try(candidate));
     }
     return absl::OkStatus();
   }
@@ -420,7 +421,7 @@ class Sampler {
     if (!Shuffle(&gaps, &random_, [this] { return ShouldStop(); })) return Cancelled();
     for (const Point& point : gaps) {
       if (ShouldStop()) return Cancelled();
-      if (absl::Status status = Try(point); !status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(Try(point));
     }
     return absl::OkStatus();
   }
@@ -467,13 +468,12 @@ absl::StatusOr<TargetSet> SampleTargets(const TriangleMesh& mesh, const TargetSa
   if (!(area_m2 > 0)) {
     return absl::InvalidArgumentError("the mesh has no surface to put targets on");
   }
-  absl::StatusOr<std::vector<Point>> points = Sampler(mesh, sampling, cancelled).Run();
-  if (!points.ok()) return points.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(std::vector<Point> points, Sampler(mesh, sampling, cancelled).Run());
 
   const Eigen::AlignedBox3d box = mesh.BoundingBox();
-  std::vector<std::pair<uint64_t, uint32_t>> order(points->size());
-  for (size_t i = 0; i < points->size(); ++i) {
-    order[i] = {MortonKey((*points)[i], box), static_cast<uint32_t>(i)};
+  std::vector<std::pair<uint64_t, uint32_t>> order(points.size());
+  for (size_t i = 0; i < points.size(); ++i) {
+    order[i] = {MortonKey(points[i], box), static_cast<uint32_t>(i)};
   }
   std::sort(order.begin(), order.end());
   TargetSet targets;
@@ -482,7 +482,7 @@ absl::StatusOr<TargetSet> SampleTargets(const TriangleMesh& mesh, const TargetSa
   targets.regions.reserve(order.size());
   targets.triangles.reserve(order.size());
   for (const auto& [key, i] : order) {
-    const Point& point = (*points)[i];
+    const Point& point = points[i];
     targets.positions_m.push_back(point.position_m);
     targets.normals.push_back(point.normal);
     targets.regions.push_back(point.region);

@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
+#include "core/status/status_macros.h"
 #include "core/text/number.h"
 #include "core/text/text_encoding.h"
 
@@ -285,7 +286,7 @@ absl::Status ReadNumberTable(
     values.clear();
     for (const std::string_view cell : cells) {
       if (numbers++ % kNumbersPerStopCheck == 0) {
-        if (absl::Status status = CheckStop(stop); !status.ok()) return status;
+        SIGHTLINE_RETURN_IF_ERROR(CheckStop(stop));
       }
       if (numbers > rules.max_numbers) {
         return absl::InvalidArgumentError(
@@ -316,7 +317,7 @@ absl::Status ReadNumberTable(
           rules.columns.empty() ? absl::StrCat("the lines before have ", columns)
                                 : absl::StrCat("must have ", absl::StrJoin(rules.columns, ","))));
     }
-    if (absl::Status status = row(lines.number(), values); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(row(lines.number(), values));
   }
   if (numbers == 0) return absl::InvalidArgumentError(absl::StrCat(where, " holds no values"));
   return absl::OkStatus();

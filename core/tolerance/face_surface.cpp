@@ -12,6 +12,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/part/surface_geometry.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -61,7 +62,7 @@ double DistanceToTriangle(const Vector3d& point_m, const Vector3d& a_m, const Ve
 }
 
 absl::StatusOr<FaceSurface> FaceSurface::Make(FaceTriangles face, const FaceMatch& match) {
-  if (absl::Status status = Check(face, match); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(Check(face, match));
   FaceSurface surface;
   surface.match_ = match;
   surface.lower_m_.setConstant(std::numeric_limits<double>::infinity());

@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/json/strict_json.h"
+#include "core/status/status_macros.h"
 #include "core/text/number_text.h"
 
 namespace sightline {
@@ -111,9 +112,7 @@ absl::StatusOr<Tolerance> ItemFromProto(const v1::ToleranceItem& item, const std
   tolerance.modifiers = Strings(item.modifiers());
   tolerance.features = Strings(item.features());
   tolerance.text = item.text();
-  auto faces = FaceNumbers(path, item.faces());
-  if (!faces.ok()) return faces.status();
-  tolerance.faces = *std::move(faces);
+  SIGHTLINE_ASSIGN_OR_RETURN(tolerance.faces, FaceNumbers(path, item.faces()));
   return tolerance;
 }
 
@@ -161,21 +160,22 @@ absl::StatusOr<ToleranceReport> ToleranceReportFromProto(const v1::ToleranceRepo
   report.file = message.file();
   report.standard = message.standard();
   for (int i = 0; i < message.read_size(); ++i) {
-    auto tolerance = ItemFromProto(message.read(i), absl::StrCat("read[", i, "]"));
-    if (!tolerance.ok()) return tolerance.status();
-    report.read.push_back(*std::move(tolerance));
+    SIGHTLINE_ASSIGN_OR_RETURN(auto tolerance,
+                               ItemFromProto(message.read(i), absl::StrCat("read[", i, "]")));
+    report.read.push_back(std::move(tolerance));
   }
   for (int i = 0; i < message.untoleranced_size(); ++i) {
-    auto tolerance = ItemFromProto(message.untoleranced(i), absl::StrCat("untoleranced[", i, "]"));
-    if (!tolerance.ok()) return tolerance.status();
-    report.untoleranced.push_back(*std::move(tolerance));
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        auto tolerance,
+        ItemFromProto(message.untoleranced(i), absl::StrCat("untoleranced[", i, "]")));
+    report.untoleranced.push_back(std::move(tolerance));
   }
   for (int i = 0; i < message.datums_size(); ++i) {
     const v1::ToleranceDatum& item = message.datums(i);
-    auto faces = FaceNumbers(absl::StrCat("datums[", i, "]"), item.faces());
-    if (!faces.ok()) return faces.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(auto faces,
+                               FaceNumbers(absl::StrCat("datums[", i, "]"), item.faces()));
     report.datums.push_back(
-        {item.id(), item.letter(), item.target(), *std::move(faces), Strings(item.features())});
+        {item.id(), item.letter(), item.target(), std::move(faces), Strings(item.features())});
   }
   for (const v1::UnreadTolerance& item : message.not_read()) {
     report.not_read.push_back({item.name(), item.reason()});

@@ -239,9 +239,7 @@ absl::StatusOr<UncertaintyModel> ParseUncertainty(const v1::Uncertainty& message
       return check.Error("uncertainty.line_detection",
                          "has standard_deviation_px and table, must have one of them");
     }
-    absl::StatusOr<LineDetectionNoise> noise = ParseTable(detection, check);
-    if (!noise.ok()) return noise.status();
-    model.detection = *std::move(noise);
+    SIGHTLINE_ASSIGN_OR_RETURN(model.detection, ParseTable(detection, check));
   } else {
     if (detection.has_exposure_time_s()) {
       return check.Error("uncertainty.line_detection.exposure_time_s", "needs a table");
@@ -252,10 +250,7 @@ absl::StatusOr<UncertaintyModel> ParseUncertainty(const v1::Uncertainty& message
     SIGHTLINE_RETURN_IF_ERROR(check.Range("uncertainty.line_detection.standard_deviation_px",
                                           model.detection.standard_deviations_px[0], kDetection));
   }
-  absl::StatusOr<TriangulationCovariance> calibration =
-      ParseCalibration(message.calibration(), context);
-  if (!calibration.ok()) return calibration.status();
-  model.calibration = *calibration;
+  SIGHTLINE_ASSIGN_OR_RETURN(model.calibration, ParseCalibration(message.calibration(), context));
   if (message.has_prior_standard_deviation_m()) {
     model.prior_standard_deviation_m = message.prior_standard_deviation_m();
   }
@@ -264,8 +259,7 @@ absl::StatusOr<UncertaintyModel> ParseUncertainty(const v1::Uncertainty& message
   if (message.has_resolution_m()) model.resolution_m = message.resolution_m();
   SIGHTLINE_RETURN_IF_ERROR(
       check.Range("uncertainty.resolution_m", model.resolution_m, kResolution));
-  absl::Status registration = ParseRegistration(message, check, &model);
-  if (!registration.ok()) return registration;
+  SIGHTLINE_RETURN_IF_ERROR(ParseRegistration(message, check, &model));
   return model;
 }
 

@@ -13,6 +13,7 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -64,7 +65,7 @@ class OsMesaContext final : public GlContext {
 
 absl::StatusOr<std::unique_ptr<GlContext>> MakeOffscreenContext() {
   auto context = std::make_unique<OsMesaContext>();
-  if (absl::Status status = context->Init(); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(context->Init());
   return context;
 }
 

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/status/status_macros.h"
 #include "core/status/stop_check.h"
 #include "coverage_server/worker_process/worker_process.h"
 
@@ -212,26 +213,25 @@ absl::StatusOr<OccluderMesh> MakeOccluderMesh(const TriangleMesh& part,
     return Shown(std::make_shared<const Arrays>(
         Make(std::move(all), options.simplification_m, options.point_spacing_m)));
   }
-  const auto input = SharedMemory::Make("sightline-occluders", 0);
-  if (!input.ok()) return input.status();
-  SharedWriter writer(input->fd(), cancelled);
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto input, SharedMemory::Make("sightline-occluders", 0));
+  SharedWriter writer(input.fd(), cancelled);
   writer.Put(options.simplification_m);
   writer.Put(options.point_spacing_m);
   writer.PutAll(std::span<const float>(all.vertices));
   writer.PutAll(std::span<const uint32_t>(all.indices));
   if (!writer.status().ok()) return writer.status();
   all = {};
-  auto answer = RunWorkerTask(program, kOccluderMeshTask, *input, cancelled);
-  if (!answer.ok()) return answer.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto answer,
+                             RunWorkerTask(program, kOccluderMeshTask, input, cancelled));
   OccluderMesh mesh;
-  mesh.vertices = answer->GetAll<float>();
-  mesh.triangles = answer->GetAll<uint32_t>();
-  mesh.normals = answer->GetAll<float>();
-  mesh.clusters = answer->GetAll<OccluderCluster>();
-  mesh.cluster_vertices = answer->GetAll<float>();
-  mesh.closed = answer->Get<bool>();
-  if (!answer->ok()) return absl::InternalError("the occluders are not whole");
-  mesh.storage = std::make_shared<const SharedReader>(*std::move(answer));
+  mesh.vertices = answer.GetAll<float>();
+  mesh.triangles = answer.GetAll<uint32_t>();
+  mesh.normals = answer.GetAll<float>();
+  mesh.clusters = answer.GetAll<OccluderCluster>();
+  mesh.cluster_vertices = answer.GetAll<float>();
+  mesh.closed = answer.Get<bool>();
+  if (!answer.ok()) return absl::InternalError("the occluders are not whole");
+  mesh.storage = std::make_shared<const SharedReader>(std::move(answer));
   return mesh;
 }
 

@@ -10,6 +10,7 @@
 #include "absl/strings/str_format.h"
 #include "core/memo/lru_store.h"
 #include "core/parallel/worker_threads.h"
+#include "core/status/status_macros.h"
 #include "core/targets/poisson_disk.h"
 #include "core/targets/target_regions.h"
 #include "coverage_server/collision/collision.h"
@@ -76,12 +77,10 @@ class CoverageSceneImpl final : public CoverageScene {
     };
     auto start = std::chrono::steady_clock::now();
     report(0, "sampling targets");
-    auto targets = SampleTargets(definition_.part, definition_.sampling, options.cancelled);
-    if (!targets.ok()) return targets.status();
-    targets_ = std::move(*targets);
-    absl::Status regions =
-        CheckRegionsHoldTargets(targets_, definition_.sampling, options.cancelled);
-    if (!regions.ok()) return regions;
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        targets_, SampleTargets(definition_.part, definition_.sampling, options.cancelled));
+    SIGHTLINE_RETURN_IF_ERROR(
+        CheckRegionsHoldTargets(targets_, definition_.sampling, options.cancelled));
     timings_.targets_s = SecondsSince(start);
     const auto cancelled = [&] {
       return options.cancelled != nullptr && options.cancelled->load();
@@ -98,7 +97,7 @@ class CoverageSceneImpl final : public CoverageScene {
       if (obstacle.frame == ObstacleFrame::kPart) fixtures.push_back(&obstacle.mesh);
     }
     if (cancelled()) return absl::CancelledError("scene");
-    if (absl::Status status = FindTable(options.cancelled); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(FindTable(options.cancelled));
     TargetSampling probed = definition_.sampling;
     if (definition_.uncertainty) {
       priors_ = MakeTargetPriors(targets_, definition_.sampling, *definition_.uncertainty);
@@ -116,9 +115,8 @@ class CoverageSceneImpl final : public CoverageScene {
     field_options.on_progress = [&](double p) {
       report(0.05 + 0.9 * p, "rendering the visibility field");
     };
-    auto field = BuildVisibilityField(definition_.part, fixtures, targets_, probes, field_options);
-    if (!field.ok()) return field.status();
-    field_ = std::move(*field);
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        field_, BuildVisibilityField(definition_.part, fixtures, targets_, probes, field_options));
     FastEvaluator::TargetLight light;
     if (definition_.detectability) {
       light_ = std::make_unique<LightLimit>(*definition_.detectability, definition_.part);
@@ -404,11 +402,10 @@ class CoverageSceneImpl final : public CoverageScene {
     }
     definition_.rig.part_support_points_m.reset();
     if (!on_table) return absl::OkStatus();
-    auto corners = HullCorners(definition_.part.positions_m, cancelled);
-    if (!corners.ok()) return corners.status();
-    for (Eigen::Vector3d& corner : *corners) corner -= part_centre_m_;
+    SIGHTLINE_ASSIGN_OR_RETURN(auto corners, HullCorners(definition_.part.positions_m, cancelled));
+    for (Eigen::Vector3d& corner : corners) corner -= part_centre_m_;
     definition_.rig.part_support_points_m =
-        std::make_shared<const std::vector<Eigen::Vector3d>>(*std::move(corners));
+        std::make_shared<const std::vector<Eigen::Vector3d>>(std::move(corners));
     return absl::OkStatus();
   }
 
@@ -606,7 +603,7 @@ class CoverageSceneImpl final : public CoverageScene {
 absl::StatusOr<std::unique_ptr<CoverageScene>> CoverageScene::Build(
     SceneDefinition definition, const SceneBuildOptions& options) {
   auto scene = std::make_unique<CoverageSceneImpl>(std::move(definition));
-  if (absl::Status status = scene->Init(options); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(scene->Init(options));
   return scene;
 }
 

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "core/resting/convex_hull.h"
+#include "core/status/status_macros.h"
 #include "coverage_server/worker_process/worker_process.h"
 
 namespace sightline {
@@ -17,9 +18,9 @@ constexpr size_t kMostPointsHere = 10'000;
 
 WorkerTask HullCornersTask() {
   return {kHullCornersTask, [](SharedReader& input, SharedWriter& answer) -> absl::Status {
-            const auto hull = MakeConvexHull(input.GetAll<Eigen::Vector3f>());
-            if (!hull.ok()) return hull.status();
-            answer.PutAll(std::span(hull->corners_m.data()->data(), 3 * hull->corners_m.size()));
+            SIGHTLINE_ASSIGN_OR_RETURN(const auto hull,
+                                       MakeConvexHull(input.GetAll<Eigen::Vector3f>()));
+            answer.PutAll(std::span(hull.corners_m.data()->data(), 3 * hull.corners_m.size()));
             return absl::OkStatus();
           }};
 }
@@ -28,19 +29,17 @@ absl::StatusOr<std::vector<Eigen::Vector3d>> HullCorners(std::span<const Eigen::
                                                          const std::atomic<bool>* cancelled) {
   const std::string program = WorkerProgram();
   if (program.empty() || points_m.size() <= kMostPointsHere) {
-    auto hull = MakeConvexHull(points_m);
-    if (!hull.ok()) return hull.status();
-    return std::move(hull->corners_m);
+    SIGHTLINE_ASSIGN_OR_RETURN(auto hull, MakeConvexHull(points_m));
+    return std::move(hull.corners_m);
   }
-  const auto input = SharedMemory::Make("sightline-hull", 0);
-  if (!input.ok()) return input.status();
-  SharedWriter writer(input->fd(), cancelled);
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto input, SharedMemory::Make("sightline-hull", 0));
+  SharedWriter writer(input.fd(), cancelled);
   writer.PutAll(std::span(points_m.data()->data(), 3 * points_m.size()));
   if (!writer.status().ok()) return writer.status();
-  auto answer = RunWorkerTask(program, kHullCornersTask, *input, cancelled);
-  if (!answer.ok()) return answer.status();
-  const auto corners = answer->GetAll<Eigen::Vector3d>();
-  if (!answer->ok()) return absl::InternalError("the hull is not whole");
+  SIGHTLINE_ASSIGN_OR_RETURN(auto answer,
+                             RunWorkerTask(program, kHullCornersTask, input, cancelled));
+  const auto corners = answer.GetAll<Eigen::Vector3d>();
+  if (!answer.ok()) return absl::InternalError("the hull is not whole");
   return std::vector<Eigen::Vector3d>(corners.begin(), corners.end());
 }
 

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <thread>
 
+#include "core/status/status_macros.h"
 #include "coverage_server/service/coverage_metrics.h"
 #include "coverage_server/service/coverage_service.h"
 
@@ -66,7 +67,7 @@ class CoverageServerImpl final : public CoverageServer {
 absl::StatusOr<std::unique_ptr<CoverageServer>> CoverageServer::Start(
     const CoverageServerOptions& options, const CoverageBackend& backend) {
   auto server = std::make_unique<CoverageServerImpl>(options, backend);
-  if (absl::Status status = server->Listen(options); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(server->Listen(options));
   return server;
 }
 

@@ -12,6 +12,7 @@
 #include "core/part/part_health_proto.h"
 #include "core/process/program_build.h"
 #include "core/spelling/one_of.h"
+#include "core/status/status_macros.h"
 #include "coverage_server/service/query_answers.h"
 #include "proto/status/rpc_status.h"
 #include "rpc_server/job_service.h"
@@ -74,10 +75,9 @@ absl::Status CoverageServiceImpl::ReceivePart(grpc::ServerContext* context,
                          {{"max_part_bytes", absl::StrCat(p_.max_part_file_bytes)}});
   };
   v1::UploadPartRequest message;
-  const absl::StatusOr<bool> begun =
-      p_.calls->Read(context, [&] { return reader->Read(&message); });
-  if (!begun.ok()) return begun.status();
-  if (!*begun || !message.has_header()) {
+  SIGHTLINE_ASSIGN_OR_RETURN(const bool begun,
+                             p_.calls->Read(context, [&] { return reader->Read(&message); }));
+  if (!begun || !message.has_header()) {
     return InvalidFields({{"header", "must be the first message"}});
   }
   const v1::UploadPartRequest::Header header = message.header();
@@ -92,15 +92,15 @@ absl::Status CoverageServiceImpl::ReceivePart(grpc::ServerContext* context,
   if (header.size_bytes() <= 0) {
     violations.push_back({"header.size_bytes", absl::StrCat(header.size_bytes(), ": must be > 0")});
   }
-  if (absl::Status status = InvalidFields(violations); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(InvalidFields(violations));
   if (header.size_bytes() > p_.max_part_file_bytes) return too_large(header.size_bytes());
-  absl::StatusOr<ReceivedFile> file =
-      ReceiveChunks(p_.calls, context, reader, header.size_bytes(), upload_memory_);
-  if (!file.ok()) return file.status();
-  auto turn = reading_turns_.Wait(PeerOf(*context), [&] { return p_.calls->CheckStop(context); });
-  if (!turn.ok()) return turn.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(ReceivedFile file, ReceiveChunks(p_.calls, context, reader,
+                                                              header.size_bytes(), upload_memory_));
+  SIGHTLINE_ASSIGN_OR_RETURN(auto turn, reading_turns_.Wait(PeerOf(*context), [&] {
+    return p_.calls->CheckStop(context);
+  }));
   absl::StatusOr<TriangleMesh> mesh =
-      LoadPartFromMemory(file->bytes, header.format(), header.unit(), name,
+      LoadPartFromMemory(file.bytes, header.format(), header.unit(), name,
                          [&] { return p_.calls->CheckStop(context); });
   if (!mesh.ok()) {
     if (absl::IsInvalidArgument(mesh.status())) {
@@ -111,16 +111,15 @@ absl::Status CoverageServiceImpl::ReceivePart(grpc::ServerContext* context,
     }
     return mesh.status();
   }
-  if (absl::Status stop = p_.calls->CheckStop(context); !stop.ok()) return stop;
-  file->bytes = std::string();
+  SIGHTLINE_RETURN_IF_ERROR(p_.calls->CheckStop(context));
+  file.bytes = std::string();
   auto part = std::make_shared<StoredPart>();
   part->mesh = *std::move(mesh);
   part->health = CheckPartHealth(part->mesh);
   *response->mutable_health() = PartHealthToProto(part->health);
-  absl::StatusOr<std::string> digest = p_.registry->AddPart(part);
-  if (!digest.ok()) return digest.status();
-  response->set_part_digest(*digest);
-  spdlog::info("event=part_uploaded part={} bytes={} triangles={} name={:?}", *digest,
+  SIGHTLINE_ASSIGN_OR_RETURN(std::string digest, p_.registry->AddPart(part));
+  response->set_part_digest(digest);
+  spdlog::info("event=part_uploaded part={} bytes={} triangles={} name={:?}", digest,
                header.size_bytes(), part->health.triangle_count, name);
   return absl::OkStatus();
 }
@@ -129,10 +128,10 @@ grpc::Status CoverageServiceImpl::CreateScene(grpc::ServerContext* context,
                                               const v1::CreateSceneRequest* request,
                                               v1::CreateSceneResponse* response) {
   return p_.calls->Run("CreateScene", context, [&]() -> absl::Status {
-    absl::StatusOr<JobRecord> job =
-        p_.registry->CreateScene(PeerOf(*context), request->request_id(), request->spec());
-    if (!job.ok()) return job.status();
-    *response->mutable_job() = JobToProto(*job);
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        JobRecord job,
+        p_.registry->CreateScene(PeerOf(*context), request->request_id(), request->spec()));
+    *response->mutable_job() = JobToProto(job);
     return absl::OkStatus();
   });
 }
@@ -141,11 +140,10 @@ grpc::Status CoverageServiceImpl::GetScene(grpc::ServerContext* context,
                                            const v1::GetSceneRequest* request,
                                            v1::GetSceneResponse* response) {
   return p_.calls->Run("GetScene", context, [&]() -> absl::Status {
-    auto stored = p_.registry->FindScene(request->scene_digest());
-    if (!stored.ok()) return stored.status();
-    const CoverageScene& scene = *(*stored)->scene;
+    SIGHTLINE_ASSIGN_OR_RETURN(auto stored, p_.registry->FindScene(request->scene_digest()));
+    const CoverageScene& scene = *stored->scene;
     response->set_scene_digest(request->scene_digest());
-    *response->mutable_spec() = (*stored)->spec;
+    *response->mutable_spec() = stored->spec;
     response->set_target_count(static_cast<int64_t>(scene.targets().size()));
     response->set_measurable_count(scene.measurable().Count());
     response->set_measurable_in_free_space_count(scene.measurable_in_free_space().Count());
@@ -164,14 +162,13 @@ grpc::Status CoverageServiceImpl::StreamTargets(
     grpc::ServerContext* context, const v1::StreamTargetsRequest* request,
     grpc::ServerWriter<v1::StreamTargetsResponse>* writer) {
   const auto stream = [&]() -> absl::Status {
-    auto stored = p_.registry->FindScene(request->scene_digest());
-    if (!stored.ok()) return stored.status();
-    const TargetSet& targets = (*stored)->scene->targets();
-    const TargetBits& measurable = (*stored)->scene->measurable();
-    const TargetBits& in_free_space = (*stored)->scene->measurable_in_free_space();
-    const std::span<const uint64_t> orientations = (*stored)->scene->measurable_orientations();
+    SIGHTLINE_ASSIGN_OR_RETURN(auto stored, p_.registry->FindScene(request->scene_digest()));
+    const TargetSet& targets = stored->scene->targets();
+    const TargetBits& measurable = stored->scene->measurable();
+    const TargetBits& in_free_space = stored->scene->measurable_in_free_space();
+    const std::span<const uint64_t> orientations = stored->scene->measurable_orientations();
     for (size_t begin = 0; begin < targets.size(); begin += kPointsPerMessage) {
-      if (absl::Status stop = p_.calls->CheckStop(context); !stop.ok()) return stop;
+      SIGHTLINE_RETURN_IF_ERROR(p_.calls->CheckStop(context));
       v1::StreamTargetsResponse response;
       for (size_t i = begin; i < std::min(targets.size(), begin + kPointsPerMessage); ++i) {
         AddVector(targets.positions_m[i], response.mutable_positions_m());
@@ -181,8 +178,7 @@ grpc::Status CoverageServiceImpl::StreamTargets(
         if (!orientations.empty()) response.add_measurable_orientations(orientations[i]);
         response.add_regions(targets.regions[i]);
       }
-      absl::Status sent = p_.calls->Write(context, [&] { return writer->Write(response); });
-      if (!sent.ok()) return sent;
+      SIGHTLINE_RETURN_IF_ERROR(p_.calls->Write(context, [&] { return writer->Write(response); }));
     }
     return absl::OkStatus();
   };
@@ -202,18 +198,15 @@ grpc::Status CoverageServiceImpl::StreamGains(
   const auto answer_all = [&]() -> absl::Status {
     v1::StreamGainsRequest request;
     while (true) {
-      const absl::StatusOr<bool> more =
-          p_.calls->Read(context, [&] { return stream->Read(&request); });
-      if (!more.ok()) return more.status();
-      if (!*more) return p_.calls->CheckStop(context);
+      SIGHTLINE_ASSIGN_OR_RETURN(const bool more,
+                                 p_.calls->Read(context, [&] { return stream->Read(&request); }));
+      if (!more) return p_.calls->CheckStop(context);
       if (p_.calls->draining()) {
         return WithErrorInfo(absl::UnavailableError("the server is shutting down"), "DRAINING");
       }
       v1::StreamGainsResponse response;
-      absl::Status status = Gains(context, request.request(), response.mutable_response());
-      if (!status.ok()) return status;
-      status = p_.calls->Write(context, [&] { return stream->Write(response); });
-      if (!status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(Gains(context, request.request(), response.mutable_response()));
+      SIGHTLINE_RETURN_IF_ERROR(p_.calls->Write(context, [&] { return stream->Write(response); }));
     }
   };
   return p_.calls->Run("StreamGains", context, answer_all, CallKind::kStream);
@@ -222,26 +215,22 @@ grpc::Status CoverageServiceImpl::StreamGains(
 absl::Status CoverageServiceImpl::Gains(grpc::ServerContext* context,
                                         const v1::EvaluateGainsRequest& request,
                                         v1::EvaluateGainsResponse* response) {
-  auto stored = p_.registry->FindScene(request.scene_digest());
-  if (!stored.ok()) return stored.status();
-  const CoverageScene& scene = *(*stored)->scene;
+  SIGHTLINE_ASSIGN_OR_RETURN(auto stored, p_.registry->FindScene(request.scene_digest()));
+  const CoverageScene& scene = *stored->scene;
   const size_t targets = scene.targets().size();
-  if (absl::Status status = CheckEvaluator(request.evaluator()); !status.ok()) return status;
-  absl::StatusOr<MeasurementBatch> batch = ParseMeasurements(request.measurements());
-  if (!batch.ok()) return batch.status();
-  absl::StatusOr<std::optional<TargetBits>> covered =
-      ParseTargetBits(request.covered_targets(), targets, "covered_targets");
-  if (!covered.ok()) return covered.status();
-  if (absl::Status status = CheckWeights(request.target_weights(), targets); !status.ok()) {
-    return status;
-  }
-  const TargetBits* covered_bits = covered->has_value() ? &**covered : nullptr;
+  SIGHTLINE_RETURN_IF_ERROR(CheckEvaluator(request.evaluator()));
+  SIGHTLINE_ASSIGN_OR_RETURN(MeasurementBatch batch, ParseMeasurements(request.measurements()));
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      std::optional<TargetBits> covered,
+      ParseTargetBits(request.covered_targets(), targets, "covered_targets"));
+  SIGHTLINE_RETURN_IF_ERROR(CheckWeights(request.target_weights(), targets));
+  const TargetBits* covered_bits = covered.has_value() ? &*covered : nullptr;
   if (request.has_uncertainty_gain()) {
-    return GainsByUncertainty(context, scene, request, *batch, covered_bits, response);
+    return GainsByUncertainty(context, scene, request, batch, covered_bits, response);
   }
   const std::span<const float> weights(request.target_weights().data(),
                                        static_cast<size_t>(request.target_weights().size()));
-  const std::span<const Measurement> inside(batch->inside);
+  const std::span<const Measurement> inside(batch.inside);
   std::vector<FastGain> gains(inside.size());
   const bool fast = request.evaluator() == v1::EVALUATOR_FAST;
   absl::Status status = Evaluate(
@@ -262,12 +251,12 @@ absl::Status CoverageServiceImpl::Gains(grpc::ServerContext* context,
   if (!status.ok()) return status;
   p_.metrics->CountQueries(fast ? "fast" : "exact", static_cast<int64_t>(inside.size()));
 
-  response->mutable_gains()->Reserve(static_cast<int>(batch->size));
-  for (size_t i = 0; i < batch->size; ++i) {
+  response->mutable_gains()->Reserve(static_cast<int>(batch.size));
+  for (size_t i = 0; i < batch.size; ++i) {
     response->add_gains()->set_feasibility(v1::FEASIBILITY_OUT_OF_BOUNDS);
   }
   for (size_t i = 0; i < inside.size(); ++i) {
-    v1::Gain* gain = response->mutable_gains(static_cast<int>(batch->inside_index[i]));
+    v1::Gain* gain = response->mutable_gains(static_cast<int>(batch.inside_index[i]));
     gain->set_feasibility(FeasibilityToProto(gains[i].feasibility));
     if (gains[i].feasibility != Feasibility::kFeasible) continue;
     gain->set_new_targets(gains[i].new_targets);
@@ -287,29 +276,27 @@ grpc::Status CoverageServiceImpl::EvaluateCoverage(grpc::ServerContext* context,
 absl::Status CoverageServiceImpl::Coverage(grpc::ServerContext* context,
                                            const v1::EvaluateCoverageRequest& request,
                                            v1::EvaluateCoverageResponse* response) {
-  auto stored = p_.registry->FindScene(request.scene_digest());
-  if (!stored.ok()) return stored.status();
-  const CoverageScene& scene = *(*stored)->scene;
+  SIGHTLINE_ASSIGN_OR_RETURN(auto stored, p_.registry->FindScene(request.scene_digest()));
+  const CoverageScene& scene = *stored->scene;
   const size_t targets = scene.targets().size();
-  if (absl::Status status = CheckEvaluator(request.evaluator()); !status.ok()) return status;
-  absl::StatusOr<MeasurementBatch> batch = ParseMeasurements(request.measurements());
-  if (!batch.ok()) return batch.status();
+  SIGHTLINE_RETURN_IF_ERROR(CheckEvaluator(request.evaluator()));
+  SIGHTLINE_ASSIGN_OR_RETURN(MeasurementBatch batch, ParseMeasurements(request.measurements()));
   const bool fast = request.evaluator() == v1::EVALUATOR_FAST;
   if (fast && request.displacements_size() > 0) {
     return InvalidFields({{"displacements", "need EVALUATOR_EXACT"}});
   }
-  const auto displacements = ParseDisplacements(request.displacements(), *batch);
-  if (!displacements.ok()) return displacements.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto displacements,
+                             ParseDisplacements(request.displacements(), batch));
   // Bytes of the informed targets: a number, at most four bytes, and the information.
   const size_t informed_bytes = fast && scene.uncertainty() != nullptr ? 8 * targets : 0;
   const auto bytes_each =
       static_cast<int64_t>((targets + 7) / 8 * (fast ? 1 : 2) + informed_bytes + 64);
-  if (static_cast<int64_t>(batch->size) * bytes_each > kMaxCoverageResponseBytes) {
-    return InvalidFields({{"measurements", absl::StrCat(batch->size, ": at most ",
+  if (static_cast<int64_t>(batch.size) * bytes_each > kMaxCoverageResponseBytes) {
+    return InvalidFields({{"measurements", absl::StrCat(batch.size, ": at most ",
                                                         kMaxCoverageResponseBytes / bytes_each,
                                                         " with ", targets, " targets")}});
   }
-  const std::span<const Measurement> inside(batch->inside);
+  const std::span<const Measurement> inside(batch.inside);
   std::vector<ExactCoverage> coverages(inside.size());
   const bool with_information = fast && scene.uncertainty() != nullptr;
   std::vector<ScanInformation> information(with_information ? inside.size() : 0);
@@ -318,10 +305,9 @@ absl::Status CoverageServiceImpl::Coverage(grpc::ServerContext* context,
       [&](size_t begin, size_t end, const std::atomic<bool>& cancelled) {
         if (!fast) {
           for (size_t i = begin; i < end; ++i) {
-            coverages[i] =
-                displacements->empty()
-                    ? scene.EvaluateExact(inside[i], nullptr, &cancelled)
-                    : scene.EvaluateDisplaced(inside[i], (*displacements)[i], &cancelled);
+            coverages[i] = displacements.empty()
+                               ? scene.EvaluateExact(inside[i], nullptr, &cancelled)
+                               : scene.EvaluateDisplaced(inside[i], displacements[i], &cancelled);
           }
           return;
         }
@@ -346,7 +332,7 @@ absl::Status CoverageServiceImpl::Coverage(grpc::ServerContext* context,
   p_.metrics->CountQueries(fast ? "fast" : "exact", static_cast<int64_t>(inside.size()));
 
   const std::string none = TargetBits(targets).ToBytes();
-  for (size_t i = 0; i < batch->size; ++i) {
+  for (size_t i = 0; i < batch.size; ++i) {
     v1::Coverage* coverage = response->add_coverages();
     coverage->set_feasibility(v1::FEASIBILITY_OUT_OF_BOUNDS);
     coverage->set_covered_targets(none);
@@ -354,7 +340,7 @@ absl::Status CoverageServiceImpl::Coverage(grpc::ServerContext* context,
     coverage->set_last_frame(-1);
   }
   for (size_t i = 0; i < inside.size(); ++i) {
-    v1::Coverage* coverage = response->mutable_coverages(static_cast<int>(batch->inside_index[i]));
+    v1::Coverage* coverage = response->mutable_coverages(static_cast<int>(batch.inside_index[i]));
     const ExactCoverage& result = coverages[i];
     coverage->set_feasibility(FeasibilityToProto(result.feasibility));
     if (result.feasibility != Feasibility::kFeasible) continue;
@@ -378,25 +364,22 @@ grpc::Status CoverageServiceImpl::StreamMeasurementPoints(
     grpc::ServerContext* context, const v1::StreamMeasurementPointsRequest* request,
     grpc::ServerWriter<v1::StreamMeasurementPointsResponse>* writer) {
   const auto measure = [&]() -> absl::Status {
-    auto stored = p_.registry->FindScene(request->scene_digest());
-    if (!stored.ok()) return stored.status();
-    const CoverageScene& scene = *(*stored)->scene;
-    absl::StatusOr<Measurement> measurement =
-        ParseMeasurement(request->measurement(), "measurement");
-    if (!measurement.ok()) return measurement.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(auto stored, p_.registry->FindScene(request->scene_digest()));
+    const CoverageScene& scene = *stored->scene;
+    SIGHTLINE_ASSIGN_OR_RETURN(Measurement measurement,
+                               ParseMeasurement(request->measurement(), "measurement"));
     std::vector<MeasurementPoint> points;
     ExactCoverage coverage;
-    absl::Status status =
+    SIGHTLINE_RETURN_IF_ERROR(
         Evaluate(context, 1, 1, [&](size_t, size_t, const std::atomic<bool>& cancelled) {
-          coverage = scene.EvaluateExact(*measurement, &points, &cancelled);
-        });
-    if (!status.ok()) return status;
+          coverage = scene.EvaluateExact(measurement, &points, &cancelled);
+        }));
     p_.metrics->CountQueries("exact", 1);
     if (coverage.feasibility != Feasibility::kFeasible) {
       return InfeasibleScan("measurement", coverage.feasibility);
     }
     for (size_t begin = 0; begin < points.size(); begin += kPointsPerMessage) {
-      if (absl::Status stop = p_.calls->CheckStop(context); !stop.ok()) return stop;
+      SIGHTLINE_RETURN_IF_ERROR(p_.calls->CheckStop(context));
       v1::StreamMeasurementPointsResponse response;
       for (size_t i = begin; i < std::min(points.size(), begin + kPointsPerMessage); ++i) {
         AddVector(points[i].position_m, response.mutable_positions_m());
@@ -404,8 +387,7 @@ grpc::Status CoverageServiceImpl::StreamMeasurementPoints(
         response.add_frames(points[i].frame);
         response.add_columns_px(points[i].column_px);
       }
-      absl::Status sent = p_.calls->Write(context, [&] { return writer->Write(response); });
-      if (!sent.ok()) return sent;
+      SIGHTLINE_RETURN_IF_ERROR(p_.calls->Write(context, [&] { return writer->Write(response); }));
     }
     return absl::OkStatus();
   };
@@ -416,16 +398,15 @@ grpc::Status CoverageServiceImpl::RenderView(grpc::ServerContext* context,
                                              const v1::RenderViewRequest* request,
                                              v1::RenderViewResponse* response) {
   return p_.calls->Run("RenderView", context, [&]() -> absl::Status {
-    auto stored = p_.registry->FindScene(request->scene_digest());
-    if (!stored.ok()) return stored.status();
-    const CoverageScene& scene = *(*stored)->scene;
-    absl::StatusOr<ViewRequest> view = ParseViewRequest(*request, scene.targets().size());
-    if (!view.ok()) return view.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(auto stored, p_.registry->FindScene(request->scene_digest()));
+    const CoverageScene& scene = *stored->scene;
+    SIGHTLINE_ASSIGN_OR_RETURN(ViewRequest view,
+                               ParseViewRequest(*request, scene.targets().size()));
     absl::StatusOr<std::string> png = absl::InternalError("not rendered");
-    absl::Status status = Evaluate(context, 1, 1, [&](size_t, size_t, const std::atomic<bool>&) {
-      png = p_.backend.render_view(scene, *view);
-    });
-    if (!status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(
+        Evaluate(context, 1, 1, [&](size_t, size_t, const std::atomic<bool>&) {
+          png = p_.backend.render_view(scene, view);
+        }));
     if (!png.ok()) return png.status();
     response->set_png(*std::move(png));
     return absl::OkStatus();

@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/inspection/inspection.h"
+#include "core/status/status_macros.h"
 #include "coverage_server/service/coverage_service.h"
 #include "proto/status/rpc_status.h"
 
@@ -55,9 +56,8 @@ grpc::Status CoverageServiceImpl::ExplainTargets(grpc::ServerContext* context,
 absl::Status CoverageServiceImpl::Explain(grpc::ServerContext* context,
                                           const v1::ExplainTargetsRequest& request,
                                           v1::ExplainTargetsResponse* response) {
-  auto stored = p_.registry->FindScene(request.scene_digest());
-  if (!stored.ok()) return stored.status();
-  const CoverageScene& scene = *(*stored)->scene;
+  SIGHTLINE_ASSIGN_OR_RETURN(auto stored, p_.registry->FindScene(request.scene_digest()));
+  const CoverageScene& scene = *stored->scene;
   if (request.targets_size() > kMaxTargets) {
     return InvalidFields(
         {{"targets", absl::StrCat(request.targets_size(), ": at most ", kMaxTargets)}});
@@ -69,22 +69,21 @@ absl::Status CoverageServiceImpl::Explain(grpc::ServerContext* context,
         {{absl::StrCat("targets[", i, "]"),
           absl::StrCat(targets[i], ": there are ", scene.targets().size(), " targets")}});
   }
-  if (!(*stored)->spec.has_measurement()) {
+  if (!stored->spec.has_measurement()) {
     return WithErrorInfo(
         absl::FailedPreconditionError("the scene was created without spec.measurement: what scans "
                                       "may be is not known"),
         "SCENE_WITHOUT_DOMAIN");
   }
-  const auto domain = ParseMeasurementDomain((*stored)->spec.measurement(), "spec");
-  if (!domain.ok()) return domain.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto domain,
+                             ParseMeasurementDomain(stored->spec.measurement(), "spec"));
   std::vector<TargetExplanation> explanations(targets.size());
-  absl::Status status =
+  SIGHTLINE_RETURN_IF_ERROR(
       Evaluate(context, targets.size(), kExplanationChunk,
                [&](size_t begin, size_t end, const std::atomic<bool>& cancelled) {
-                 scene.Explain(*domain, std::span(targets).subspan(begin, end - begin),
+                 scene.Explain(domain, std::span(targets).subspan(begin, end - begin),
                                std::span(explanations).subspan(begin, end - begin), &cancelled);
-               });
-  if (!status.ok()) return status;
+               }));
   p_.metrics->CountQueries("explanation", static_cast<int64_t>(targets.size()));
   response->mutable_explanations()->Reserve(static_cast<int>(targets.size()));
   for (const TargetExplanation& explanation : explanations) {

@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/inspection/vector_proto.h"
+#include "core/status/status_macros.h"
 #include "proto/status/rpc_status.h"
 
 namespace sightline {
@@ -68,7 +69,7 @@ absl::StatusOr<MeasurementBatch> ParseMeasurements(
       batch.inside_index.push_back(static_cast<size_t>(i));
     }
   }
-  if (absl::Status status = InvalidFields(violations); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(InvalidFields(violations));
   return batch;
 }
 
@@ -101,15 +102,13 @@ absl::StatusOr<std::vector<ScanDisplacement>> ParseDisplacements(
                       parse(message.camera(), field + ".camera"),
                       parse(message.laser(), field + ".laser")});
   }
-  if (absl::Status status = InvalidFields(violations); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(InvalidFields(violations));
   return inside;
 }
 
 absl::StatusOr<Measurement> ParseMeasurement(const v1::Measurement& measurement,
                                              const std::string& field) {
-  if (absl::Status status = InvalidFields(NotFinite(measurement, field)); !status.ok()) {
-    return status;
-  }
+  SIGHTLINE_RETURN_IF_ERROR(InvalidFields(NotFinite(measurement, field)));
   const Measurement parsed = MeasurementFromProto(measurement);
   if (!Bounds().Contains(parsed)) {
     return InvalidFields({{field, "a parameter is outside Table 2.1"}});
@@ -189,7 +188,7 @@ absl::StatusOr<UncertaintyRequirement> ParseUncertaintyGain(const v1::Uncertaint
     violations.push_back({"uncertainty_gain.relaxed_uncertainty_m",
                           absl::StrCat(gain.relaxed_uncertainty_m(), ": must be finite and >= 0")});
   }
-  if (absl::Status status = InvalidFields(violations); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(InvalidFields(violations));
   UncertaintyRequirement requirement;
   requirement.weights = {w.coverage(), w.admissible(), w.relaxed(), w.information(),
                          w.total_uncertainty()};
@@ -256,18 +255,16 @@ absl::StatusOr<ViewRequest> ParseViewRequest(const v1::RenderViewRequest& reques
   if (request.rows_px() != 0) view.rows_px = request.rows_px();
   number("columns_px", view.columns_px, kMinViewSize_px, kMaxViewSize_px);
   number("rows_px", view.rows_px, kMinViewSize_px, kMaxViewSize_px);
-  if (absl::Status status = InvalidFields(violations); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(InvalidFields(violations));
 
   if (request.has_measurement()) {
-    absl::StatusOr<Measurement> measurement =
-        ParseMeasurement(request.measurement(), "measurement");
-    if (!measurement.ok()) return measurement.status();
-    view.measurement = *measurement;
+    SIGHTLINE_ASSIGN_OR_RETURN(view.measurement,
+                               ParseMeasurement(request.measurement(), "measurement"));
   }
-  absl::StatusOr<std::optional<TargetBits>> covered =
-      ParseTargetBits(request.covered_targets(), targets, "covered_targets");
-  if (!covered.ok()) return covered.status();
-  view.covered = covered->has_value() ? **std::move(covered) : TargetBits(targets);
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      std::optional<TargetBits> covered,
+      ParseTargetBits(request.covered_targets(), targets, "covered_targets"));
+  view.covered = covered.has_value() ? *std::move(covered) : TargetBits(targets);
   view.stage_m = request.stage_position_m();
   view.azimuth_rad = request.azimuth_deg() * std::numbers::pi / 180;
   view.elevation_rad = request.elevation_deg() * std::numbers::pi / 180;

@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/part/part_digest.h"
+#include "core/status/status_macros.h"
 #include "core/text/printable.h"
 #include "proto/status/rpc_status.h"
 
@@ -93,9 +94,8 @@ absl::StatusOr<JobRecord> SceneRegistry::CreateScene(const std::string& peer,
   if (request_id.size() > kMaxRequestIdBytes) {
     return InvalidFields({{"request_id", absl::StrCat("at most ", kMaxRequestIdBytes, " bytes")}});
   }
-  absl::StatusOr<ParsedSceneSpec> parsed = ParseSceneSpec(spec);
-  if (!parsed.ok()) return parsed.status();
-  const std::string digest = parsed->digest;
+  SIGHTLINE_ASSIGN_OR_RETURN(ParsedSceneSpec parsed, ParseSceneSpec(spec));
+  const std::string digest = parsed.digest;
 
   std::lock_guard lock(mutex_);
   if (const auto it = requests_.find(request_id); it != requests_.end()) {
@@ -127,9 +127,9 @@ absl::StatusOr<JobRecord> SceneRegistry::CreateScene(const std::string& peer,
   }
   // Parts are checked now so that the client learns at once what to upload, and looked up again
   // when the job starts; both touch them, so that they are the last to be dropped in between.
-  if (absl::Status status = FindPart(parsed->part_digest).status(); !status.ok()) return status;
-  for (const auto& obstacle : parsed->obstacles) {
-    if (absl::Status status = FindPart(obstacle.part_digest).status(); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(FindPart(parsed.part_digest).status());
+  for (const auto& obstacle : parsed.obstacles) {
+    SIGHTLINE_RETURN_IF_ERROR(FindPart(obstacle.part_digest).status());
   }
   absl::StatusOr<std::unique_ptr<JobRoom>> room = jobs_->Reserve(peer, [] { return int64_t{0}; });
   if (!room.ok()) {
@@ -140,15 +140,15 @@ absl::StatusOr<JobRecord> SceneRegistry::CreateScene(const std::string& peer,
   }
   // The store's own check of request_id would bind the id to one job for good, but a scene that was
   // dropped for lack of memory has to be built again by a new job.
-  absl::StatusOr<JobRecord> job = jobs_->Create(
-      "scene", "", digest,
-      [this, spec_copy = *std::move(parsed)](JobContext& context) {
-        return BuildScene(spec_copy, context);
-      },
-      *std::move(room));
-  if (!job.ok()) return job.status();
-  remember(job->job_id);
-  if (job_of_scene_.insert_or_assign(digest, job->job_id).second) {
+  SIGHTLINE_ASSIGN_OR_RETURN(JobRecord job,
+                             jobs_->Create(
+                                 "scene", "", digest,
+                                 [this, spec_copy = std::move(parsed)](JobContext& context) {
+                                   return BuildScene(spec_copy, context);
+                                 },
+                                 *std::move(room)));
+  remember(job.job_id);
+  if (job_of_scene_.insert_or_assign(digest, job.job_id).second) {
     scene_order_.push_back(digest);
     Trim(&job_of_scene_, &scene_order_);
   }
@@ -160,18 +160,17 @@ absl::StatusOr<std::string> SceneRegistry::BuildScene(const ParsedSceneSpec& spe
   if (scenes_.Get(spec.digest) != nullptr) return spec.digest;
   const absl::Time start = absl::Now();
   SceneDefinition definition;
-  absl::StatusOr<std::shared_ptr<const StoredPart>> part = FindPart(spec.part_digest);
-  if (!part.ok()) return part.status();
-  definition.part = (*part)->mesh;
+  SIGHTLINE_ASSIGN_OR_RETURN(std::shared_ptr<const StoredPart> part, FindPart(spec.part_digest));
+  definition.part = part->mesh;
   if (!spec.part_has_materials) {
     // Another client may have uploaded the same shape with materials.
     definition.part.triangle_material.clear();
     definition.part.material_names.clear();
   }
   for (const auto& obstacle : spec.obstacles) {
-    absl::StatusOr<std::shared_ptr<const StoredPart>> body = FindPart(obstacle.part_digest);
-    if (!body.ok()) return body.status();
-    definition.obstacles.push_back({(*body)->mesh, obstacle.frame});
+    SIGHTLINE_ASSIGN_OR_RETURN(std::shared_ptr<const StoredPart> body,
+                               FindPart(obstacle.part_digest));
+    definition.obstacles.push_back({body->mesh, obstacle.frame});
   }
   definition.rig = spec.rig;
   definition.sampling = spec.sampling;

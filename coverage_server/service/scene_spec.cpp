@@ -12,6 +12,7 @@
 #include "core/digest/sha256.h"
 #include "core/inspection/inspection.h"
 #include "core/part/part_digest.h"
+#include "core/status/status_macros.h"
 #include "proto/status/rpc_status.h"
 
 namespace sightline {
@@ -68,9 +69,7 @@ absl::Status ParseSettings(const v1::SceneSpec& spec, ParsedSceneSpec* parsed) {
   parsed->rig = *std::move(parsed_rig);
   parsed->sampling = *std::move(parsed_sampling);
   if (spec.has_part_placement()) {
-    absl::StatusOr<PartPlacement> placement = ParsePlacement(spec.part_placement());
-    if (!placement.ok()) return placement.status();
-    parsed->rig.part_placement = *std::move(placement);
+    SIGHTLINE_ASSIGN_OR_RETURN(parsed->rig.part_placement, ParsePlacement(spec.part_placement()));
   }
   if (spec.has_measurement()) {
     absl::StatusOr<MeasurementDomain> domain = ParseMeasurementDomain(spec.measurement(), "spec");
@@ -165,9 +164,9 @@ absl::StatusOr<ParsedSceneSpec> ParseSceneSpec(const v1::SceneSpec& spec) {
                           absl::StrCat(parsed.field_directions, ": must be a square number in [",
                                        kMinFieldDirections, ", ", kMaxFieldDirections, "]")});
   }
-  if (absl::Status status = InvalidFields(violations); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(InvalidFields(violations));
 
-  if (absl::Status status = ParseSettings(spec, &parsed); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(ParseSettings(spec, &parsed));
   parsed.part_digest = spec.part_digest();
   parsed.part_has_materials = !part->materials.empty();
 
@@ -219,7 +218,7 @@ absl::StatusOr<ParsedSceneSpec> ParseSceneSpec(const v1::SceneSpec& spec) {
   parsed.digest = Sha256Hex(DeterministicBytes(normalised));
   parsed.geometry_digest = Sha256Hex(DeterministicBytes(GeometryOf(normalised)));
   // The scene depends on the normal form alone: same digest, same scene, bit by bit.
-  if (absl::Status status = ParseSettings(normalised, &parsed); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(ParseSettings(normalised, &parsed));
   return parsed;
 }
 

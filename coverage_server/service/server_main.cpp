@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "coverage_server/service/server_main.h"
 
+#include "core/status/status_macros.h"
 #include "coverage_server/service/coverage_server.h"
 #include "rpc_server/server_main.h"
 
@@ -26,9 +27,8 @@ int CoverageServerMain(int argc, char** argv, const CoverageBackend& backend,
                    "Memory for scenes; the longest unused go first");
   };
   program.start = [&]() -> absl::StatusOr<std::unique_ptr<RunningServer>> {
-    auto server = CoverageServer::Start(options, backend);
-    if (!server.ok()) return server.status();
-    return std::unique_ptr<RunningServer>(*std::move(server));
+    SIGHTLINE_ASSIGN_OR_RETURN(auto server, CoverageServer::Start(options, backend));
+    return std::unique_ptr<RunningServer>(std::move(server));
   };
   return ServerMain(argc, argv, program, &options);
 }

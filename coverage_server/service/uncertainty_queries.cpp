@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "core/status/status_macros.h"
 #include "coverage_server/service/coverage_service.h"
 #include "coverage_server/service/query_answers.h"
 #include "proto/status/rpc_status.h"
@@ -34,27 +35,26 @@ absl::Status CoverageServiceImpl::GainsByUncertainty(grpc::ServerContext* contex
                                                      const MeasurementBatch& batch,
                                                      const TargetBits* covered,
                                                      v1::EvaluateGainsResponse* response) {
-  if (absl::Status status = CheckHasUncertainty(scene); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(CheckHasUncertainty(scene));
   if (request.evaluator() != v1::EVALUATOR_FAST) {
     return InvalidFields({{"evaluator",
                            "must be EVALUATOR_FAST with uncertainty_gain; "
                            "EvaluateUncertainty is exact"}});
   }
-  absl::StatusOr<UncertaintyRequirement> requirement =
-      ParseUncertaintyGain(request.uncertainty_gain(), scene.targets().size());
-  if (!requirement.ok()) return requirement.status();
-  requirement->covered = covered;
-  requirement->target_weights = {request.target_weights().data(),
-                                 static_cast<size_t>(request.target_weights().size())};
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      UncertaintyRequirement requirement,
+      ParseUncertaintyGain(request.uncertainty_gain(), scene.targets().size()));
+  requirement.covered = covered;
+  requirement.target_weights = {request.target_weights().data(),
+                                static_cast<size_t>(request.target_weights().size())};
   const std::span<const Measurement> inside(batch.inside);
   std::vector<UncertaintyGain> gains(inside.size());
-  absl::Status status = Evaluate(
+  SIGHTLINE_RETURN_IF_ERROR(Evaluate(
       context, inside.size(), FastChunk(inside.size(), p_.pool->threads()),
       [&](size_t begin, size_t end, const std::atomic<bool>& cancelled) {
-        scene.EvaluateUncertaintyGains(inside.subspan(begin, end - begin), *requirement,
+        scene.EvaluateUncertaintyGains(inside.subspan(begin, end - begin), requirement,
                                        std::span(gains).subspan(begin, end - begin), &cancelled);
-      });
-  if (!status.ok()) return status;
+      }));
   p_.metrics->CountQueries("uncertainty", static_cast<int64_t>(inside.size()));
   response->mutable_gains()->Reserve(static_cast<int>(batch.size));
   for (size_t i = 0; i < batch.size; ++i) {
@@ -86,29 +86,28 @@ grpc::Status CoverageServiceImpl::EvaluateUncertainty(
 absl::Status CoverageServiceImpl::Uncertainty(
     grpc::ServerContext* context, const v1::EvaluateUncertaintyRequest& request,
     grpc::ServerWriter<v1::EvaluateUncertaintyResponse>* writer) {
-  auto stored = p_.registry->FindScene(request.scene_digest());
-  if (!stored.ok()) return stored.status();
-  const CoverageScene& scene = *(*stored)->scene;
-  if (absl::Status status = CheckHasUncertainty(scene); !status.ok()) return status;
+  SIGHTLINE_ASSIGN_OR_RETURN(auto stored, p_.registry->FindScene(request.scene_digest()));
+  const CoverageScene& scene = *stored->scene;
+  SIGHTLINE_RETURN_IF_ERROR(CheckHasUncertainty(scene));
   if (request.measurements_size() > kMaxScansTogether) {
     return InvalidFields({{"measurements", absl::StrCat(request.measurements_size(), ": at most ",
                                                         kMaxScansTogether)}});
   }
   std::vector<Measurement> measurements;
   for (int i = 0; i < request.measurements_size(); ++i) {
-    absl::StatusOr<Measurement> measurement =
-        ParseMeasurement(request.measurements(i), absl::StrCat("measurements[", i, "]"));
-    if (!measurement.ok()) return measurement.status();
-    measurements.push_back(*measurement);
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        Measurement measurement,
+        ParseMeasurement(request.measurements(i), absl::StrCat("measurements[", i, "]")));
+    measurements.push_back(measurement);
   }
-  absl::StatusOr<std::vector<uint32_t>> targets =
-      ParseTargetIndices(request.targets(), scene.targets().size(), "targets");
-  if (!targets.ok()) return targets.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      std::vector<uint32_t> targets,
+      ParseTargetIndices(request.targets(), scene.targets().size(), "targets"));
 
   const auto enough_count = static_cast<size_t>(request.enough_m_size());
-  if (enough_count > 1 && enough_count != targets->size()) {
+  if (enough_count > 1 && enough_count != targets.size()) {
     return InvalidFields(
-        {{"enough_m", absl::StrCat(enough_count, " values for ", targets->size(), " targets")}});
+        {{"enough_m", absl::StrCat(enough_count, " values for ", targets.size(), " targets")}});
   }
   if (enough_count > 0 && request.after_each_scan()) {
     return InvalidFields({{"enough_m", "cannot be given with after_each_scan"}});
@@ -119,7 +118,7 @@ absl::Status CoverageServiceImpl::Uncertainty(
     return InvalidFields(
         {{absl::StrCat("enough_m[", i, "]"), absl::StrCat(enough_m[i], ": must be >= 0")}});
   }
-  if (enough_count == 1) enough_m.assign(targets->size(), enough_m[0]);
+  if (enough_count == 1) enough_m.assign(targets.size(), enough_m[0]);
 
   std::vector<MeasuredScan> scans(measurements.size());
   absl::Status status = Evaluate(context, scans.size(), kExactChunk,
@@ -137,11 +136,11 @@ absl::Status CoverageServiceImpl::Uncertainty(
     }
     points.push_back(scans[i].points);
   }
-  std::vector<TargetUncertainty> results(targets->size());
+  std::vector<TargetUncertainty> results(targets.size());
   status =
       Evaluate(context, results.size(), kInferenceChunk,
                [&](size_t begin, size_t end, const std::atomic<bool>& cancelled) {
-                 scene.Infer(points, std::span(*targets).subspan(begin, end - begin),
+                 scene.Infer(points, std::span(targets).subspan(begin, end - begin),
                              request.after_each_scan(),
                              std::span<const float>(enough_m).subspan(
                                  enough_m.empty() ? 0 : begin, enough_m.empty() ? 0 : end - begin),
@@ -152,7 +151,7 @@ absl::Status CoverageServiceImpl::Uncertainty(
   const size_t numbers_each = 5 + (request.after_each_scan() ? scans.size() : 0);
   const size_t targets_each = std::max<size_t>(1, kNumbersPerMessage / numbers_each);
   for (size_t begin = 0; begin < results.size(); begin += targets_each) {
-    if (absl::Status stop = p_.calls->CheckStop(context); !stop.ok()) return stop;
+    SIGHTLINE_RETURN_IF_ERROR(p_.calls->CheckStop(context));
     v1::EvaluateUncertaintyResponse response;
     for (size_t i = begin; i < std::min(results.size(), begin + targets_each); ++i) {
       const SurfaceUncertainty& u = results[i].uncertainty;
@@ -164,8 +163,7 @@ absl::Status CoverageServiceImpl::Uncertainty(
       response.mutable_after_each_scan_m()->Add(results[i].after_each_scan_m.begin(),
                                                 results[i].after_each_scan_m.end());
     }
-    absl::Status sent = p_.calls->Write(context, [&] { return writer->Write(response); });
-    if (!sent.ok()) return sent;
+    SIGHTLINE_RETURN_IF_ERROR(p_.calls->Write(context, [&] { return writer->Write(response); }));
   }
   return absl::OkStatus();
 }

@@ -17,6 +17,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/rig/scan_geometry.h"
+#include "core/status/status_macros.h"
 #include "coverage_server/gl/gl_context.h"
 
 namespace sightline {
@@ -265,27 +266,25 @@ glm::mat4 ToClip(const SensorPose& pose, double tan_x, double tan_y, double near
 absl::StatusOr<std::string> Rasterize(const DrawList& opaque, const DrawList& translucent,
                                       const glm::mat4& to_clip, const Eigen::Vector3f& to_viewer,
                                       int columns, int rows) {
-  auto context = MakeOffscreenContext();
-  if (!context.ok()) return context.status();
-  const GlFunctions& gl = (*context)->gl();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto context, MakeOffscreenContext());
+  const GlFunctions& gl = context->gl();
   constexpr int kSamples = 2;  // per axis; averaged below
-  auto framebuffer =
-      Framebuffer::Make(gl, kSamples * columns, kSamples * rows, /*with_colour=*/true);
-  if (!framebuffer.ok()) return framebuffer.status();
-  auto program = MakeProgram(gl, kViewVertexShader, kViewFragmentShader);
-  if (!program.ok()) return program.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      auto framebuffer,
+      Framebuffer::Make(gl, kSamples * columns, kSamples * rows, /*with_colour=*/true));
+  SIGHTLINE_ASSIGN_OR_RETURN(auto program, MakeProgram(gl, kViewVertexShader, kViewFragmentShader));
   gl.Viewport(0, 0, kSamples * columns, kSamples * rows);
   gl.ClearColor(1, 1, 1, 1);
   gl.ClearDepth(1);
   gl.Clear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
   gl.Enable(GL_DEPTH_TEST);
   gl.DepthFunc(GL_LESS);
-  gl.UseProgram(*program);
-  gl.UniformMatrix4fv(gl.GetUniformLocation(*program, "to_clip"), 1, GL_FALSE,
+  gl.UseProgram(program);
+  gl.UniformMatrix4fv(gl.GetUniformLocation(program, "to_clip"), 1, GL_FALSE,
                       glm::value_ptr(to_clip));
-  gl.Uniform3f(gl.GetUniformLocation(*program, "to_viewer"), to_viewer.x(), to_viewer.y(),
+  gl.Uniform3f(gl.GetUniformLocation(program, "to_viewer"), to_viewer.x(), to_viewer.y(),
                to_viewer.z());
-  const GLint shading = gl.GetUniformLocation(*program, "shading");
+  const GLint shading = gl.GetUniformLocation(program, "shading");
   GLuint array, buffers[2];
   gl.GenVertexArrays(1, &array);
   gl.BindVertexArray(array);

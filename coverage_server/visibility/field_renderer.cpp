@@ -11,6 +11,7 @@
 
 #include "core/cpu/function_clones.h"
 #include "core/part/surface_geometry.h"
+#include "core/status/status_macros.h"
 #include "coverage_server/gl/gl_context.h"
 #include "coverage_server/occlusion/occluder_mesh.h"
 #include "coverage_server/visibility/octahedral_map.h"
@@ -115,21 +116,18 @@ class TileRenderer {
   TileRenderer(FieldJob& job, uint8_t* field) : job_(job), field_(field) {}
 
   absl::Status Init() {
-    auto context = MakeOffscreenContext();
-    if (!context.ok()) return context.status();
-    context_ = std::move(*context);
+    SIGHTLINE_ASSIGN_OR_RETURN(context_, MakeOffscreenContext());
     const GlFunctions& gl = context_->gl();
     Eigen::Vector3f size;
     for (int k = 0; k < 3; ++k) size[k] = job_.box_max[k] - job_.box_min[k];
     const int side = static_cast<int>(size.norm() / job_.pixel_size_m) + 4;
-    auto framebuffer = Framebuffer::Make(gl, side, side, /*with_colour=*/false);
-    if (!framebuffer.ok()) return framebuffer.status();
-    framebuffer_ = std::move(*framebuffer);
+    SIGHTLINE_ASSIGN_OR_RETURN(framebuffer_,
+                               Framebuffer::Make(gl, side, side, /*with_colour=*/false));
     depth_.resize(static_cast<size_t>(side) * side);
-    auto program = MakeProgram(gl, kDepthVertexShader, kDepthFragmentShader);
-    if (!program.ok()) return program.status();
-    gl.UseProgram(*program);
-    to_clip_ = gl.GetUniformLocation(*program, "to_clip");
+    SIGHTLINE_ASSIGN_OR_RETURN(auto program,
+                               MakeProgram(gl, kDepthVertexShader, kDepthFragmentShader));
+    gl.UseProgram(program);
+    to_clip_ = gl.GetUniformLocation(program, "to_clip");
     GLuint vertex_array, buffers[2];
     gl.GenVertexArrays(1, &vertex_array);
     gl.BindVertexArray(vertex_array);
@@ -157,8 +155,7 @@ class TileRenderer {
       // Snake order: every direction is a neighbour of the one before.
       const int r = i / kTileSide, c = r % 2 == 0 ? i % kTileSide : kTileSide - 1 - i % kTileSide;
       const int cell = (row0 + r) * job_.map_side + column0 + c;
-      if (absl::Status status = RenderDirection(cell, map.Direction(cell)); !status.ok())
-        return status;
+      SIGHTLINE_RETURN_IF_ERROR(RenderDirection(cell, map.Direction(cell)));
       job_.directions_done.fetch_add(1, std::memory_order_relaxed);
     }
     return absl::OkStatus();
@@ -282,13 +279,13 @@ class TileRenderer {
 
 absl::Status RenderFieldTiles(FieldJob& job, uint8_t* field, int32_t number) {
   TileRenderer renderer(job, field);
-  if (absl::Status status = renderer.Init(); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(renderer.Init());
   std::atomic<int32_t>* const states = TileStates(job);
   const int tiles = TileCount(job);
   for (int tile = 0; tile < tiles; ++tile) {
     int32_t waiting = kTileWaiting;
     if (!states[tile].compare_exchange_strong(waiting, number)) continue;
-    if (absl::Status status = renderer.RenderTile(tile); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(renderer.RenderTile(tile));
     states[tile].store(kTileDone);
   }
   return absl::OkStatus();

@@ -21,6 +21,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/parallel/worker_threads.h"
 #include "core/process/start_process.h"
+#include "core/status/status_macros.h"
 #include "core/status/stop_check.h"
 #include "coverage_server/occlusion/occluder_mesh.h"
 #include "coverage_server/visibility/field_renderer.h"
@@ -118,13 +119,14 @@ absl::Status RenderInProcesses(const std::string& program, const WorkerMemory& m
   int32_t next_number = 1;
   const auto start = [&]() -> absl::Status {
     const int32_t number = next_number++;
-    absl::StatusOr<WorkerProcess> process = WorkerProcess::Start(
-        program,
-        {kWorkerFlag, absl::StrCat(memory.job_fd), absl::StrCat(memory.job_bytes),
-         absl::StrCat(memory.field_fd), absl::StrCat(memory.field_bytes), absl::StrCat(number)},
-        std::array{memory.job_fd, memory.field_fd});
-    if (!process.ok()) return process.status();
-    workers.push_back({*std::move(process), number});
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        WorkerProcess process,
+        WorkerProcess::Start(
+            program,
+            {kWorkerFlag, absl::StrCat(memory.job_fd), absl::StrCat(memory.job_bytes),
+             absl::StrCat(memory.field_fd), absl::StrCat(memory.field_bytes), absl::StrCat(number)},
+            std::array{memory.job_fd, memory.field_fd}));
+    workers.push_back({std::move(process), number});
     return absl::OkStatus();
   };
   for (int i = 0; i < processes; ++i) {
@@ -165,7 +167,7 @@ absl::Status RenderInProcesses(const std::string& program, const WorkerMemory& m
       start().IgnoreError();  // the others go on; if there are none, see below
     }
     if (workers.empty() && killed > 0 && !all_done()) {
-      if (absl::Status started = start(); !started.ok()) return started;
+      SIGHTLINE_RETURN_IF_ERROR(start());
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }
@@ -197,13 +199,13 @@ absl::StatusOr<std::unique_ptr<VisibilityField>> BuildVisibilityField(
   const auto pixel_size_m = static_cast<float>(
       options.pixel_size_m > 0 ? options.pixel_size_m : box.sizes().norm() / kPixelsPerDiagonal);
   constexpr float kClusterPointSpacingPx = 8;
-  const absl::StatusOr<OccluderMesh> made =
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      const OccluderMesh made,
       MakeOccluderMesh(part, obstacles,
                        {.simplification_m = options.simplification_m,
                         .point_spacing_m = kClusterPointSpacingPx * pixel_size_m},
-                       options.cancelled);
-  if (!made.ok()) return made.status();
-  const OccluderMesh& mesh = *made;
+                       options.cancelled));
+  const OccluderMesh& mesh = made;
   JobLayout layout;
   const uint64_t vertices = layout.Add(mesh.vertices.size() * 4);
   const uint64_t triangles = layout.Add(mesh.triangles.size() * 4);
@@ -214,19 +216,17 @@ absl::StatusOr<std::unique_ptr<VisibilityField>> BuildVisibilityField(
   const uint64_t tiles =
       layout.Add(static_cast<size_t>(side / kTileSide) * (side / kTileSide) * sizeof(int32_t));
 
-  auto job_memory = SharedMemory::Make("sightline-field-job", layout.bytes());
-  if (!job_memory.ok()) return job_memory.status();
-  auto field_memory = SharedMemory::Make("sightline-field", field->bytes());
-  if (!field_memory.ok()) return field_memory.status();
-  auto field_data = MapShared(field_memory->fd(), field->bytes());
-  if (!field_data.ok()) return field_data.status();
-  field->data_ = {static_cast<uint8_t*>(*field_data), VisibilityField::Unmap{field->bytes()}};
-  auto job_data = MapShared(job_memory->fd(), layout.bytes());
-  if (!job_data.ok()) return job_data.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto job_memory,
+                             SharedMemory::Make("sightline-field-job", layout.bytes()));
+  SIGHTLINE_ASSIGN_OR_RETURN(auto field_memory,
+                             SharedMemory::Make("sightline-field", field->bytes()));
+  SIGHTLINE_ASSIGN_OR_RETURN(auto field_data, MapShared(field_memory.fd(), field->bytes()));
+  field->data_ = {static_cast<uint8_t*>(field_data), VisibilityField::Unmap{field->bytes()}};
+  SIGHTLINE_ASSIGN_OR_RETURN(auto job_data, MapShared(job_memory.fd(), layout.bytes()));
   const std::unique_ptr<void, std::function<void(void*)>> job_mapping(
-      *job_data, [&](void* data) { munmap(data, layout.bytes()); });
+      job_data, [&](void* data) { munmap(data, layout.bytes()); });
 
-  FieldJob& job = *new (*job_data) FieldJob{};
+  FieldJob& job = *new (job_data) FieldJob{};
   job.map_side = side;
   job.cull_back_faces = mesh.closed;
   job.coherent_occlusion = options.coherent_occlusion;
@@ -247,7 +247,7 @@ absl::StatusOr<std::unique_ptr<VisibilityField>> BuildVisibilityField(
   job.cluster_vertices = cluster_vertices;
   job.probes = probe_offset;
   job.tiles = tiles;  // the new mapping is all zeros: kTileWaiting
-  char* base = static_cast<char*>(*job_data);
+  char* base = static_cast<char*>(job_data);
   const auto copy = [&](uint64_t offset, const auto& values) {
     if (!values.empty() && !IsCancelled(options.cancelled))
       std::memcpy(base + offset, values.data(), values.size() * sizeof(values[0]));
@@ -273,13 +273,11 @@ absl::StatusOr<std::unique_ptr<VisibilityField>> BuildVisibilityField(
   const int processes =
       options.processes > 0 ? options.processes : std::max(1u, std::thread::hardware_concurrency());
   if (const std::string program = WorkerProgram(); !program.empty()) {
-    absl::Status rendered = RenderInProcesses(
-        program, {job_memory->fd(), layout.bytes(), field_memory->fd(), field->bytes()}, processes,
-        options, job);
-    if (!rendered.ok()) return rendered;
+    SIGHTLINE_RETURN_IF_ERROR(RenderInProcesses(
+        program, {job_memory.fd(), layout.bytes(), field_memory.fd(), field->bytes()}, processes,
+        options, job));
   } else {
-    absl::Status rendered = RenderFieldTiles(job, field->mutable_data(), 1);
-    if (!rendered.ok()) return rendered;
+    SIGHTLINE_RETURN_IF_ERROR(RenderFieldTiles(job, field->mutable_data(), 1));
   }
 
   WorkerThreads threads;

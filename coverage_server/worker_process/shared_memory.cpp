@@ -10,6 +10,7 @@
 #include <cstring>
 
 #include "absl/strings/str_cat.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 
@@ -63,9 +64,8 @@ absl::StatusOr<SharedReader> SharedReader::Map(int fd) {
   }
   const auto bytes = static_cast<size_t>(state.st_size);
   if (bytes == 0) return SharedReader(nullptr, 0);
-  absl::StatusOr<void*> data = MapShared(fd, bytes);
-  if (!data.ok()) return data.status();
-  return SharedReader(std::shared_ptr<const char>(static_cast<const char*>(*data),
+  SIGHTLINE_ASSIGN_OR_RETURN(void* data, MapShared(fd, bytes));
+  return SharedReader(std::shared_ptr<const char>(static_cast<const char*>(data),
                                                   [bytes](const char* mapped) {
                                                     munmap(const_cast<char*>(mapped), bytes);
                                                   }),

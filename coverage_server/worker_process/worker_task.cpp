@@ -13,6 +13,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "core/process/start_process.h"
+#include "core/status/status_macros.h"
 #include "coverage_server/worker_process/worker_process.h"
 
 namespace sightline {
@@ -25,10 +26,9 @@ constexpr int kOutOfMemory = 3;
 constexpr int kTaskFailed = 4;  // the status stands where the answer would
 
 absl::Status RunOn(const WorkerTask& task, int input_fd, SharedWriter& answer) {
-  absl::StatusOr<SharedReader> input = SharedReader::Map(input_fd);
-  if (!input.ok()) return input.status();
-  absl::Status status = task.run(*input, answer);
-  if (status.ok() && !input->ok()) status = absl::InternalError("a task's input is not whole");
+  SIGHTLINE_ASSIGN_OR_RETURN(SharedReader input, SharedReader::Map(input_fd));
+  absl::Status status = task.run(input, answer);
+  if (status.ok() && !input.ok()) status = absl::InternalError("a task's input is not whole");
   return status.ok() ? answer.status() : status;
 }
 
@@ -54,19 +54,19 @@ absl::StatusOr<SharedReader> RunWorkerTask(const std::string& program, const std
   constexpr int kMostStarts = 3;
   int signal = 0;
   for (int starts = 0; starts < kMostStarts; ++starts) {
-    absl::StatusOr<SharedMemory> answer = SharedMemory::Make("sightline-task-answer", 0);
-    if (!answer.ok()) return answer.status();
-    absl::StatusOr<WorkerProcess> worker = WorkerProcess::Start(
-        program, {kFlag, name, absl::StrCat(input.fd()), absl::StrCat(answer->fd())},
-        std::array{input.fd(), answer->fd()});
-    if (!worker.ok()) return worker.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(SharedMemory answer, SharedMemory::Make("sightline-task-answer", 0));
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        WorkerProcess worker,
+        WorkerProcess::Start(program,
+                             {kFlag, name, absl::StrCat(input.fd()), absl::StrCat(answer.fd())},
+                             std::array{input.fd(), answer.fd()}));
     std::optional<int> state;
-    while (!(state = worker->Ended())) {
+    while (!(state = worker.Ended())) {
       // The process is killed with `worker`.
       if (cancelled != nullptr && cancelled->load()) return absl::CancelledError(name);
       std::this_thread::sleep_for(std::chrono::milliseconds(5));
     }
-    if (WIFEXITED(*state)) return AnswerOf(*state, answer->fd(), name);
+    if (WIFEXITED(*state)) return AnswerOf(*state, answer.fd(), name);
     signal = WTERMSIG(*state);
   }
   return absl::UnavailableError(absl::StrCat("worker processes for ", name, " were killed ",

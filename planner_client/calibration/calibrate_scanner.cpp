@@ -11,6 +11,7 @@
 #include "absl/strings/str_format.h"
 #include "core/image/read_raw_image.h"
 #include "core/statistics/order_statistics.h"
+#include "core/status/status_macros.h"
 #include "planner_client/calibration/target_corners.h"
 
 namespace sightline {
@@ -115,9 +116,8 @@ absl::StatusOr<UsedFrames> FindLines(const CalibrationSet& set, const FoundTarge
     CalibrationFrameResult& frame = result->frames[i];
     frame.because = found.frames[i].because;
     if (!frame.because.empty()) continue;
-    const auto image = ReadRawImageFile(set.frames[i].image);
-    if (!image.ok()) return image.status();
-    auto line = FindLineInFrame(image->raw_dn, SaturationDn(set, image->file_bits), camera.camera);
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto image, ReadRawImageFile(set.frames[i].image));
+    auto line = FindLineInFrame(image.raw_dn, SaturationDn(set, image.file_bits), camera.camera);
     if (!line.ok()) {
       frame.because = std::string(line.status().message());
       continue;
@@ -150,10 +150,10 @@ absl::StatusOr<bool> RemoveWorstLine(const CalibrationSet& set, const CameraPrio
                                      CalibrationResult* result) {
   std::vector<double> rms;
   for (size_t i = 0; i < used->frames.size(); ++i) {
-    const auto left_out = PredictLeftOut(set.board, used->frames, i, camera, shape);
-    if (!left_out.ok()) return left_out.status();
-    result->frames[used->numbers[i]].left_out = *left_out;
-    rms.push_back(left_out->rms_m);
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto left_out,
+                               PredictLeftOut(set.board, used->frames, i, camera, shape));
+    result->frames[used->numbers[i]].left_out = left_out;
+    rms.push_back(left_out.rms_m);
   }
   const auto worst = static_cast<size_t>(std::max_element(rms.begin(), rms.end()) - rms.begin());
   if (rms[worst] < kLineOutlier * UpperMedian(rms)) return false;
@@ -168,7 +168,7 @@ absl::StatusOr<bool> RemoveWorstLine(const CalibrationSet& set, const CameraPrio
 absl::Status FitRig(const CalibrationSet& set, const CameraPrior& camera, TargetShape shape,
                     UsedFrames* used, CalibrationResult* result) {
   for (;;) {
-    if (absl::Status s = CheckEnough(set, *used, *result); !s.ok()) return s;
+    SIGHTLINE_RETURN_IF_ERROR(CheckEnough(set, *used, *result));
     auto rig = AdjustRig(set.board, used->frames, camera, shape);
     if (!rig.ok()) {
       return absl::InvalidArgumentError(
@@ -176,9 +176,9 @@ absl::Status FitRig(const CalibrationSet& set, const CameraPrior& camera, Target
     }
     result->rig = *std::move(rig);
     if (RemoveWorstCorners(set, used, result)) continue;
-    const auto removed = RemoveWorstLine(set, camera, shape, used, result);
-    if (!removed.ok()) return removed.status();
-    if (!*removed) return absl::OkStatus();
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto removed,
+                               RemoveWorstLine(set, camera, shape, used, result));
+    if (!removed) return absl::OkStatus();
   }
 }
 
@@ -239,7 +239,7 @@ absl::Status FitShape(const CalibrationSet& set, const CameraPrior& camera, Used
                       CalibrationResult* result) {
   const UsedFrames all = *used;
   const CalibrationResult nothing_fitted = *result;
-  if (absl::Status s = FitRig(set, camera, TargetShape::kFlat, used, result); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(FitRig(set, camera, TargetShape::kFlat, used, result));
   std::vector<ShapeTrial> trials = {
       {TargetShape::kFlat, LeftOutRms(*used, *result), result->rig.corner_sd_px}};
   const double enough = kBetterPrediction * trials.front().left_out_rms_m;
@@ -338,12 +338,12 @@ absl::StatusOr<FrameLight> MeasureLight(const CalibrationSet& set, const UsedFra
                                         const CalibrationResult& result) {
   FrameLightSums sums;
   for (size_t i = 0; i < used.frames.size(); ++i) {
-    const auto image = ReadRawImageFile(set.frames[used.numbers[i]].image);
-    if (!image.ok()) return image.status();
-    const double saturation_dn = SaturationDn(set, image->file_bits);
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto image,
+                               ReadRawImageFile(set.frames[used.numbers[i]].image));
+    const double saturation_dn = SaturationDn(set, image.file_bits);
     const LineInFrame& line = used.frames[i].line;
-    sums.Add(image->raw_dn, saturation_dn, line,
-             MeasureTiles(image->raw_dn, saturation_dn, set.board, result.rig.shared,
+    sums.Add(image.raw_dn, saturation_dn, line,
+             MeasureTiles(image.raw_dn, saturation_dn, set.board, result.rig.shared,
                           result.rig.poses[i], line, kBesideLine_m));
   }
   return sums.Result();
@@ -395,37 +395,32 @@ absl::StatusOr<CalibrationResult> CalibrateScanner(const CalibrationSet& set,
     result.frames.emplace_back().name = frame.name;
   }
   progress(0, absl::StrCat("looks for the target in ", images.size(), " frames"));
-  const auto found = FindTargets(images, set.board);
-  if (!found.ok()) return found.status();
-  result.columns_px = found->columns_px;
-  result.rows_px = found->rows_px;
-  const CameraPrior camera = ChooseCamera(set, *found, &result.warnings);
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto found, FindTargets(images, set.board));
+  result.columns_px = found.columns_px;
+  result.rows_px = found.rows_px;
+  const CameraPrior camera = ChooseCamera(set, found, &result.warnings);
   progress(0.3, "looks for the lines");
-  auto used = FindLines(set, *found, camera, &result);
-  if (!used.ok()) return used.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto used, FindLines(set, found, camera, &result));
   progress(0.4, "adjusts camera and laser plane, each frame left out once");
-  if (absl::Status s = FitShape(set, camera, &*used, &result); !s.ok()) return s;
-  if (absl::Status s = FitHandEye(set, *used, &result); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(FitShape(set, camera, &used, &result));
+  SIGHTLINE_RETURN_IF_ERROR(FitHandEye(set, used, &result));
   std::vector<LeftOutFrame> left_out;
-  for (size_t i = 0; i < used->frames.size(); ++i) {
-    CalibrationFrameResult& frame = result.frames[used->numbers[i]];
+  for (size_t i = 0; i < used.frames.size(); ++i) {
+    CalibrationFrameResult& frame = result.frames[used.numbers[i]];
     frame.used = true;
     left_out.push_back(frame.left_out);
-    const LineInFrame& line = used->frames[i].line;
-    const auto share = static_cast<double>(used->frames.size());
+    const LineInFrame& line = used.frames[i].line;
+    const auto share = static_cast<double>(used.frames.size());
     result.crossing_sd_px += line.crossing_sd_px * line.crossing_sd_px / share;
     result.clipped_fraction += line.clipped_fraction / share;
   }
   result.crossing_sd_px = std::sqrt(result.crossing_sd_px);
   result.ratio = RealOverPredicted(left_out);
-  const auto planning = DescribeForPlanning(result.rig, result.columns_px, result.rows_px);
-  if (!planning.ok()) return planning.status();
-  result.planning = *planning;
-  CompareWithReference(set, *used, &result);
+  SIGHTLINE_ASSIGN_OR_RETURN(result.planning,
+                             DescribeForPlanning(result.rig, result.columns_px, result.rows_px));
+  CompareWithReference(set, used, &result);
   progress(0.9, "measures the light beside the lines");
-  const auto light = MeasureLight(set, *used, result);
-  if (!light.ok()) return light.status();
-  result.light = *light;
+  SIGHTLINE_ASSIGN_OR_RETURN(result.light, MeasureLight(set, used, result));
   if (result.clipped_fraction > 0.5) {
     result.warnings.push_back(absl::StrFormat(
         "The line is clipped in %.0f %% of the rows or columns: its centre then depends on the "

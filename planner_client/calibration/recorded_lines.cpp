@@ -11,6 +11,7 @@
 #include "core/image/write_raw_png.h"
 #include "core/recordings/posed_plates.h"
 #include "core/statistics/order_statistics.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -247,8 +248,7 @@ absl::Status AddPieces(const Frame& frame, const std::string& name, int position
       }
     }
     const int bits = lines->recordings.camera().bit_depth_bit() <= 8 ? 8 : 16;
-    auto png = EncodeRawPng(cut, bits);
-    if (!png.ok()) return png.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(auto png, EncodeRawPng(cut, bits));
     v1::Recording* recording = lines->recordings.add_recordings();
     recording->set_file(absl::StrFormat("images/%s_%04d.png", name, from));
     recording->set_kind("laser");
@@ -261,7 +261,7 @@ absl::Status AddPieces(const Frame& frame, const std::string& name, int position
     v1::Recording::PlatePose* pose = recording->mutable_plate_pose();
     for (int i = 0; i < 9; ++i) pose->add_rotation(frame.plate_in_camera.linear()(i / 3, i % 3));
     SetVector(frame.plate_in_camera.translation(), pose->mutable_translation_m());
-    lines->images.emplace_back(recording->file(), *std::move(png));
+    lines->images.emplace_back(recording->file(), std::move(png));
     lines->left_out_px -= to - from;
   }
   return absl::OkStatus();
@@ -286,13 +286,12 @@ absl::StatusOr<RecordedLines> RecordedLinesOf(const CalibrationSet& set,
   for (size_t i = 0; i < result.frames.size(); ++i) {
     if (!result.frames[i].used) continue;
     const Eigen::Isometry3d pose = MotionOf(result.rig.poses[used++]);
-    const auto image = ReadRawImageFile(set.frames[i].image);
-    if (!image.ok()) return image.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto image, ReadRawImageFile(set.frames[i].image));
     if (lines.images.empty() && lines.recordings.format().empty()) {
-      lines.recordings = DescriptionOf(set, result, posed, image->file_bits);
+      lines.recordings = DescriptionOf(set, result, posed, image.file_bits);
     }
-    const double saturation_dn = set.saturation_dn.value_or(std::ldexp(1.0, image->file_bits) - 1);
-    Frame frame{image->raw_dn, saturation_dn, set.board, posed, pose};
+    const double saturation_dn = set.saturation_dn.value_or(std::ldexp(1.0, image.file_bits) - 1);
+    Frame frame{image.raw_dn, saturation_dn, set.board, posed, pose};
     RecordedImage whole;
     whole.plate_in_camera = pose;
     whole.roi_column_px = -(sensor.columns_px / 2);
@@ -317,10 +316,9 @@ absl::StatusOr<RecordedLines> RecordedLinesOf(const CalibrationSet& set,
     for (auto begin = usable.begin(); begin != usable.end();) {
       begin = std::find(begin, usable.end(), true);
       const auto end = std::find(begin, usable.end(), false);
-      absl::Status s = AddPieces(frame, StemOf(result.frames[i].name), static_cast<int>(i),
-                                 static_cast<int>(begin - usable.begin()),
-                                 static_cast<int>(end - usable.begin()), &off_px, &lines);
-      if (!s.ok()) return s;
+      SIGHTLINE_RETURN_IF_ERROR(AddPieces(frame, StemOf(result.frames[i].name), static_cast<int>(i),
+                                          static_cast<int>(begin - usable.begin()),
+                                          static_cast<int>(end - usable.begin()), &off_px, &lines));
       begin = end;
     }
   }

@@ -15,6 +15,7 @@
 #include "absl/strings/strip.h"
 #include "core/process/program_path.h"
 #include "core/process/run_program.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -37,26 +38,26 @@ absl::StatusOr<std::string> Run(const std::string& request) {
       lseek(descriptor, 0, SEEK_SET) != 0) {
     return absl::ResourceExhaustedError("no memory for the list of images");
   }
-  auto finished = RunProgram({.words = {program.string()},
-                              .descriptors = {{.number = 0, .ours = descriptor}},
-                              .in_our_group = true,
-                              .ends_with_us = true},
-                             {.time_limit = absl::Minutes(20)});
-  if (!finished.ok()) return finished.status();
-  absl::StripAsciiWhitespace(&finished->errors);
-  const int status = finished->wait_status;
+  SIGHTLINE_ASSIGN_OR_RETURN(auto finished,
+                             RunProgram({.words = {program.string()},
+                                         .descriptors = {{.number = 0, .ours = descriptor}},
+                                         .in_our_group = true,
+                                         .ends_with_us = true},
+                                        {.time_limit = absl::Minutes(20)}));
+  absl::StripAsciiWhitespace(&finished.errors);
+  const int status = finished.wait_status;
   if (WIFSIGNALED(status)) {
     if (WTERMSIG(status) == SIGINT) return absl::CancelledError("interrupted");
     return absl::InternalError(absl::StrCat(kTargetCornersProgram, " was killed by signal ",
-                                            WTERMSIG(status), ": ", finished->errors));
+                                            WTERMSIG(status), ": ", finished.errors));
   }
   if (WEXITSTATUS(status) != 0) {
     const std::string message(
-        absl::StripPrefix(finished->errors, absl::StrCat(kTargetCornersProgram, ": ")));
+        absl::StripPrefix(finished.errors, absl::StrCat(kTargetCornersProgram, ": ")));
     if (WEXITSTATUS(status) == 2) return absl::InvalidArgumentError(message);
     return absl::InternalError(absl::StrCat(kTargetCornersProgram, ": ", message));
   }
-  return std::move(finished->output);
+  return std::move(finished.output);
 }
 
 }  // namespace
@@ -67,10 +68,9 @@ absl::StatusOr<FoundTargets> FindTargets(const std::vector<std::string>& images,
                                   {"inner_corners_x", board.inner_corners_x},
                                   {"inner_corners_y", board.inner_corners_y},
                                   {"square_m", board.square_m}};
-  const auto output = Run(request.dump());
-  if (!output.ok()) return output.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto output, Run(request.dump()));
   try {
-    const nlohmann::json answer = nlohmann::json::parse(*output);
+    const nlohmann::json answer = nlohmann::json::parse(output);
     FoundTargets found;
     found.columns_px = answer.at("columns_px").get<int>();
     found.rows_px = answer.at("rows_px").get<int>();

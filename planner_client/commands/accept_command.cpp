@@ -14,6 +14,7 @@
 #include "core/inspection/inspection.h"
 #include "core/json/strict_json.h"
 #include "core/process_folder/process_folder.h"
+#include "core/status/status_macros.h"
 #include "planner_client/acceptance/acceptance_report.h"
 #include "planner_client/acceptance/artefact_mesh.h"
 #include "planner_client/acceptance/run_acceptance.h"
@@ -72,17 +73,14 @@ absl::StatusOr<std::optional<ArtefactImaging>> ImagingOf(const v1::Inspection& m
   v1::Inspection sent = WithoutPart(message);
   sent.clear_acceptance();
   const std::string mesh_file = folder + "/part.stl";
-  absl::Status written = WriteFileAtomically(mesh_file, MeshOfArtefact(MakePlate(0.1)).stl);
-  if (!written.ok()) return written;
+  SIGHTLINE_RETURN_IF_ERROR(WriteFileAtomically(mesh_file, MeshOfArtefact(MakePlate(0.1)).stl));
   sent.mutable_part()->set_file(mesh_file);
   sent.mutable_part()->set_unit("m");
   SetMaterial(message.acceptance(), &sent);
-  auto checked = CheckImagingInspection(sent, task.context);
-  if (!checked.ok()) return checked.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto checked, CheckImagingInspection(sent, task.context));
   ArtefactImaging imaging;
-  imaging.message = std::move(checked->message);
-  absl::Status taken = TakeAssets(task.context, &imaging.message, &imaging.assets);
-  if (!taken.ok()) return taken;
+  imaging.message = std::move(checked.message);
+  SIGHTLINE_RETURN_IF_ERROR(TakeAssets(task.context, &imaging.message, &imaging.assets));
   // Every artefact brings its own mesh.
   std::erase_if(imaging.assets, [&](const AssetFile& asset) {
     return asset.file == imaging.message.part().file();
@@ -91,7 +89,7 @@ absl::StatusOr<std::optional<ArtefactImaging>> ImagingOf(const v1::Inspection& m
   if (!imaging.message.render().has_max_bounces()) {
     imaging.message.mutable_render()->set_max_bounces(1);
   }
-  imaging.inspection = std::move(checked->inspection);
+  imaging.inspection = std::move(checked.inspection);
   imaging.place = PlaceOfSensors(task.settings, task.inspection.domain);
   imaging.folder = folder;
   imaging.seed = task.settings.seed;
@@ -116,52 +114,44 @@ void PrintResult(const v1::AcceptanceResult& result) {
 
 absl::Status WriteResult(const v1::AcceptanceResult& result, const std::string& out) {
   const std::string json = (fs::path(out) / "acceptance.json").string();
-  absl::Status s = WriteFileAtomically(json, ToJson(result) + "\n");
-  if (!s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(WriteFileAtomically(json, ToJson(result) + "\n"));
   return WriteReport(AcceptanceReport(result), (fs::path(out) / "report.html").string());
 }
 
 absl::StatusOr<int> Accept(const AcceptOptions& options) {
   v1::Inspection message;
-  if (absl::Status s = ReadStrictJsonFile(options.input, &message); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(ReadStrictJsonFile(options.input, &message));
   if (options.runs) message.mutable_acceptance()->set_runs(*options.runs);
   if (options.seed) message.mutable_acceptance()->set_seed(*options.seed);
   AcceptanceTask task;
   task.context = options.input;
   task.realisations = options.realisations;
-  auto settings = ParseAcceptance(message.acceptance(), options.input);
-  if (!settings.ok()) return settings.status();
-  task.settings = *std::move(settings);
-  auto inspection =
-      ParseInspection(message, options.input, fs::path(options.input).parent_path().string());
-  if (!inspection.ok()) return inspection.status();
-  DeriveLimits(&*inspection);
-  task.inspection = *std::move(inspection);
+  SIGHTLINE_ASSIGN_OR_RETURN(task.settings, ParseAcceptance(message.acceptance(), options.input));
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      auto inspection,
+      ParseInspection(message, options.input, fs::path(options.input).parent_path().string()));
+  DeriveLimits(&inspection);
+  task.inspection = std::move(inspection);
   task.detection_stated = message.uncertainty().has_line_detection();
 
-  const auto out_lock = OpenOutputFolder(options.out);
-  if (!out_lock.ok()) return out_lock.status();
-  const auto folder = ProcessFolder::Make(TemporaryBase(), "sightline-accept");
-  if (!folder.ok()) return folder.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto out_lock, OpenOutputFolder(options.out));
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto folder,
+                             ProcessFolder::Make(TemporaryBase(), "sightline-accept"));
   ProgressLine progress;
   RenderClientOptions client;
   std::unique_ptr<EmbeddedServer> server;
   if (!options.no_images) {
-    auto imaging = ImagingOf(message, task, folder->path());
-    if (!imaging.ok()) return imaging.status();
-    task.imaging = *std::move(imaging);
+    SIGHTLINE_ASSIGN_OR_RETURN(task.imaging, ImagingOf(message, task, folder.path()));
   }
   if (task.imaging) {
-    auto worker = StartWorkerSession(options.worker, &progress, &client);
-    if (!worker.ok()) return worker.status();
-    server = *std::move(worker);
+    SIGHTLINE_ASSIGN_OR_RETURN(server, StartWorkerSession(options.worker, &progress, &client));
   }
   auto result = RunAcceptance(task, client);
   progress.Finish();
   if (!result.ok()) return AboutInput(result.status(), options.input);
   result->set_sightline_version(SIGHTLINE_VERSION);
   PrintResult(*result);
-  if (absl::Status s = WriteResult(*result, options.out); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(WriteResult(*result, options.out));
   for (const char* file : {"acceptance.json", "report.html", "report.json"}) {
     PrintText("%s\n", fs::absolute(fs::path(options.out) / file).c_str());
   }

@@ -12,6 +12,7 @@
 #include "core/json/strict_json.h"
 #include "core/recordings/recordings.h"
 #include "core/scanner_calibration/calibration_verdict.h"
+#include "core/status/status_macros.h"
 #include "planner_client/calibration/calibrate_scanner.h"
 #include "planner_client/calibration/calibration_files.h"
 #include "planner_client/calibration/recorded_lines.h"
@@ -41,14 +42,13 @@ absl::Status WriteFiles(const CalibrateOptions& options, const CalibrationSet& s
   v1::Inspection inspection = CalibratedInspection(result, set, part);
   if (!options.unit.empty()) inspection.mutable_part()->set_unit(options.unit);
   if (options.part.empty()) {
-    absl::Status s = WriteFileAtomically((out / "target.stl").string(), TargetStl(result.board));
-    if (!s.ok()) return s;
+    SIGHTLINE_RETURN_IF_ERROR(
+        WriteFileAtomically((out / "target.stl").string(), TargetStl(result.board)));
   }
-  absl::Status s =
-      WriteFileAtomically((out / "inspection.json").string(), ToJson(inspection) + "\n");
-  if (!s.ok()) return s;
-  s = WriteFileAtomically((out / "calibration.json").string(), CalibrationJson(result));
-  if (!s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(
+      WriteFileAtomically((out / "inspection.json").string(), ToJson(inspection) + "\n"));
+  SIGHTLINE_RETURN_IF_ERROR(
+      WriteFileAtomically((out / "calibration.json").string(), CalibrationJson(result)));
   return WriteReport(CalibrationReport(result), (out / "report.html").string());
 }
 
@@ -68,12 +68,10 @@ absl::StatusOr<std::string> WriteRecordings(const CalibrateOptions& options,
     return absl::UnavailableError(absl::StrCat(folder.string(), ": ", error.message()));
   }
   for (const auto& [file, bytes] : lines->images) {
-    absl::Status s = WriteFileAtomically((folder / file).string(), bytes);
-    if (!s.ok()) return s;
+    SIGHTLINE_RETURN_IF_ERROR(WriteFileAtomically((folder / file).string(), bytes));
   }
-  absl::Status s = WriteFileAtomically((folder / "recordings.json").string(),
-                                       RecordingsToJson(lines->recordings) + "\n");
-  if (!s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(WriteFileAtomically((folder / "recordings.json").string(),
+                                                RecordingsToJson(lines->recordings) + "\n"));
   return absl::StrFormat(
       "recordings/ has %d pieces of the lines for sightline diagnose; %.0f %% of their length is "
       "left out, since dark squares, edges or other parts are beside it",
@@ -81,23 +79,19 @@ absl::StatusOr<std::string> WriteRecordings(const CalibrateOptions& options,
 }
 
 absl::StatusOr<int> Calibrate(const CalibrateOptions& options) {
-  const auto set = ReadCalibrationSet(options.folder);
-  if (!set.ok()) return set.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto set, ReadCalibrationSet(options.folder));
   if (!options.part.empty()) {
-    const auto mesh = LoadPartFile(options.part, options.unit, {});
-    if (!mesh.ok()) return mesh.status();
+    SIGHTLINE_RETURN_IF_ERROR(LoadPartFile(options.part, options.unit, {}).status());
   }
-  const auto out_lock = OpenOutputFolder(options.out);
-  if (!out_lock.ok()) return out_lock.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto out_lock, OpenOutputFolder(options.out));
   ProgressLine line;
-  const auto result = CalibrateScanner(*set, [&line](double fraction, const std::string& phase) {
+  const auto result = CalibrateScanner(set, [&line](double fraction, const std::string& phase) {
     line.Show(fraction, "calibrate: " + phase);
   });
   line.Finish();
   if (!result.ok()) return result.status();
-  if (absl::Status s = WriteFiles(options, *set, *result); !s.ok()) return s;
-  const auto recordings = WriteRecordings(options, *set, *result);
-  if (!recordings.ok()) return recordings.status();
+  SIGHTLINE_RETURN_IF_ERROR(WriteFiles(options, set, *result));
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto recordings, WriteRecordings(options, set, *result));
 
   std::printf("frame                 real rms mm  predicted rms mm  ratio\n");
   for (const CalibrationFrameResult& frame : result->frames) {
@@ -122,7 +116,7 @@ absl::StatusOr<int> Calibrate(const CalibrateOptions& options) {
   for (const std::string& warning : result->warnings) {
     std::printf("warning: %s\n", warning.c_str());
   }
-  std::printf("%s\n", recordings->c_str());
+  std::printf("%s\n", recordings.c_str());
   for (const char* file : {"inspection.json", "calibration.json", "report.html", "report.json"}) {
     std::printf("%s\n", fs::absolute(fs::path(options.out) / file).c_str());
   }

@@ -17,6 +17,7 @@
 #include "core/file/atomic_write.h"
 #include "core/inspection/read_with_files.h"
 #include "core/json/strict_json.h"
+#include "core/status/status_macros.h"
 #include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/command_line/process/interrupt.h"
 #include "planner_client/command_line/process/output_folder.h"
@@ -86,9 +87,8 @@ absl::StatusOr<std::unique_ptr<HttpServer>> ListenForPage(const ExploreOptions& 
   http.listen = options.listen;
   http.max_connections = 32;
   http.max_request_bytes = kMaxExploreRequestBytes;
-  auto server = HttpServer::Listen(http);
-  if (!server.ok()) return server.status();
-  if (!(*server)->listening().is_loopback && !options.allow_plaintext) {
+  SIGHTLINE_ASSIGN_OR_RETURN(auto server, HttpServer::Listen(http));
+  if (!server->listening().is_loopback && !options.allow_plaintext) {
     return absl::InvalidArgumentError(absl::StrCat(
         "--listen ", options.listen,
         ": everybody who reaches this address could read and change the plan, without encryption; "
@@ -101,13 +101,12 @@ absl::StatusOr<std::vector<ExploredScan>> ReadFirstScans(const std::string& file
                                                          GivenPlans* plans) {
   std::vector<ExploredScan> scans;
   if (file.empty()) return scans;
-  const auto given = ReadPlanScans(file, plans);
-  if (!given.ok()) return given.status();
-  for (size_t i = 0; i < given->all.size(); ++i) {
-    const v1::PlannedScan& planned = given->plan.scans(static_cast<int>(i));
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto given, ReadPlanScans(file, plans));
+  for (size_t i = 0; i < given.all.size(); ++i) {
+    const v1::PlannedScan& planned = given.plan.scans(static_cast<int>(i));
     ExploredScan scan;
-    scan.measurement = given->all[i];
-    scan.locked = given->locked[i];
+    scan.measurement = given.all[i];
+    scan.locked = given.locked[i];
     if (planned.has_setting()) scan.setting = planned.setting();
     scans.push_back(std::move(scan));
   }
@@ -135,33 +134,28 @@ absl::StatusOr<SavedPlan> SavePlan(PlanningSession& session, const std::string& 
                                    const std::vector<ExploredScan>& scans) {
   std::vector<Measurement> measurements;
   for (const ExploredScan& scan : scans) measurements.push_back(scan.measurement);
-  auto exact = session.gain_model->ExactCoverage(measurements);
-  if (!exact.ok()) return exact.status();
-  auto fast = session.client->FastCoverage(measurements);
-  if (!fast.ok()) return fast.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto exact, session.gain_model->ExactCoverage(measurements));
+  SIGHTLINE_ASSIGN_OR_RETURN(auto fast, session.client->FastCoverage(measurements));
   std::vector<ChosenScan> chosen;
   for (size_t i = 0; i < scans.size(); ++i) {
     chosen.push_back({.measurement = measurements[i],
                       .locked = scans[i].locked,
-                      .exact = std::move((*exact)[i]),
-                      .fast_covered = (*fast)[i].covered.Count()});
+                      .exact = std::move(exact[i]),
+                      .fast_covered = fast[i].covered.Count()});
   }
-  auto document =
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      auto document,
       MakePlanDocument(session, std::move(chosen),
-                       {.strategy = "explore", .stop_reason = v1::Plan::STOP_REASON_EVALUATED});
-  if (!document.ok()) return document.status();
-  SetScanSettings(scans, &document->plan);
+                       {.strategy = "explore", .stop_reason = v1::Plan::STOP_REASON_EVALUATED}));
+  SetScanSettings(scans, &document.plan);
   OutputOptions output;
   output.folder = folder;
   output.pictures = false;
   output.point_clouds = false;
   // These files describe the scans of an earlier plan.
-  if (auto removed = RemoveFiles(folder, {"optics.json", "optics.html", "optics_report.json"});
-      !removed.ok()) {
-    return removed;
-  }
-  absl::Status written = WritePlanOutputs(session, *document, output);
-  if (!written.ok()) return written;
+  SIGHTLINE_RETURN_IF_ERROR(
+      RemoveFiles(folder, {"optics.json", "optics.html", "optics_report.json"}));
+  SIGHTLINE_RETURN_IF_ERROR(WritePlanOutputs(session, document, output));
   SavedPlan saved;
   for (const char* name : {"plan.json", "plan.csv", "report.html", "report.json"}) {
     saved.files.push_back((fs::path(folder) / name).string());
@@ -181,7 +175,7 @@ absl::StatusOr<std::string> KeepUnsaved(const ExploreSession& session, const Par
     if (scan.setting) *planned.mutable_setting() = *scan.setting;
   }
   const std::string path = (fs::path(folder) / "unsaved_plan.json").string();
-  if (absl::Status s = WriteFileAtomically(path, ToJson(plan)); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(WriteFileAtomically(path, ToJson(plan)));
   return path;
 }
 

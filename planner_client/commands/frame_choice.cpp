@@ -9,6 +9,7 @@
 #include "absl/strings/str_split.h"
 #include "core/json/strict_json.h"
 #include "core/part/part_digest.h"
+#include "core/status/status_macros.h"
 #include "core/text/number.h"
 #include "core/text/number_text.h"
 #include "planner_client/commands/other_part.h"
@@ -99,11 +100,11 @@ absl::Status CheckPart(const GivenPlans& plans, const Inspection& inspection,
   if (!plans.StateAPart()) return absl::OkStatus();
   PartFileOptions part_options;
   part_options.construction_geometry = inspection.part_construction_geometry;
-  const auto part = LoadPartFile(inspection.part_file, inspection.part_unit, part_options);
-  if (!part.ok()) return part.status();
-  auto found = plans.CheckBelongTo(PartDigestOf(*part), inspection.part_file);
-  if (!found.ok()) return found.status();
-  remarks->insert(remarks->end(), found->begin(), found->end());
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      const auto part, LoadPartFile(inspection.part_file, inspection.part_unit, part_options));
+  SIGHTLINE_ASSIGN_OR_RETURN(auto found,
+                             plans.CheckBelongTo(PartDigestOf(part), inspection.part_file));
+  remarks->insert(remarks->end(), found.begin(), found.end());
   return absl::OkStatus();
 }
 
@@ -112,10 +113,9 @@ absl::StatusOr<std::vector<v1::PartFrame>> FramesOfPlan(const FrameChoice& optio
                                                         std::vector<std::string>* remarks) {
   GivenPlans given;
   given.other_part = options.other_part;
-  const auto plan = ReadPlanScans(options.plan, &given);
-  if (!plan.ok()) return plan.status();
-  if (absl::Status status = CheckPart(given, inspection, remarks); !status.ok()) return status;
-  const int scans = plan->plan.scans_size();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto plan, ReadPlanScans(options.plan, &given));
+  SIGHTLINE_RETURN_IF_ERROR(CheckPart(given, inspection, remarks));
+  const int scans = plan.plan.scans_size();
   if (scans == 0) return absl::InvalidArgumentError(absl::StrCat(options.plan, ": has no scans"));
   if (options.scan && (*options.scan < 1 || *options.scan > scans)) {
     return absl::InvalidArgumentError(absl::StrCat("--scan ", *options.scan, ": must be in [1, ",
@@ -129,7 +129,7 @@ absl::StatusOr<std::vector<v1::PartFrame>> FramesOfPlan(const FrameChoice& optio
   std::vector<v1::PartFrame> frames;
   for (int s = options.scan ? *options.scan - 1 : 0; s < (options.scan ? *options.scan : scans);
        ++s) {
-    const v1::PlannedScan& scan = plan->plan.scans(s);
+    const v1::PlannedScan& scan = plan.plan.scans(s);
     if (options.stage_position_m) {
       frames.push_back(MakeFrame(scan.measurement(), *options.stage_position_m, s + 1, 0));
       if (scan.has_setting()) *frames.back().mutable_setting() = scan.setting();
@@ -173,9 +173,7 @@ absl::StatusOr<std::vector<v1::PartFrame>> ChooseFrames(FrameChoice options,
                                                         const Inspection& inspection,
                                                         std::vector<std::string>* remarks) {
   if (options.scan && options.plan.empty()) {
-    absl::StatusOr<std::string> plan = FindPlan(options);
-    if (!plan.ok()) return plan.status();
-    options.plan = *std::move(plan);
+    SIGHTLINE_ASSIGN_OR_RETURN(options.plan, FindPlan(options));
   }
   if (options.frame && options.stage_position_m) {
     return absl::InvalidArgumentError("--frame and --stage-position exclude each other");
@@ -186,14 +184,14 @@ absl::StatusOr<std::vector<v1::PartFrame>> ChooseFrames(FrameChoice options,
     }
     return FramesOfPlan(options, inspection, remarks);
   }
-  absl::StatusOr<Measurement> measurement = options.measurement.empty()
-                                                ? FixedMeasurement(inspection, options.input)
-                                                : ParseMeasurementText(options.measurement);
-  if (!measurement.ok()) return measurement.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(Measurement measurement,
+                             options.measurement.empty()
+                                 ? FixedMeasurement(inspection, options.input)
+                                 : ParseMeasurementText(options.measurement));
   const double stage_m =
       options.stage_position_m.value_or(options.frame.value_or(0) * inspection.rig.scan_step_m);
   return std::vector<v1::PartFrame>{
-      MakeFrame(MeasurementToProto(*measurement), stage_m, 1, options.frame.value_or(0))};
+      MakeFrame(MeasurementToProto(measurement), stage_m, 1, options.frame.value_or(0))};
 }
 
 void AddFrameOptions(CLI::App& app, FrameChoice* choice) {

@@ -9,6 +9,7 @@
 #include "core/file/read_file.h"
 #include "core/inspection/inspection.h"
 #include "core/part/load_part.h"
+#include "core/status/status_macros.h"
 #include "planner_client/coverage_client/part_upload.h"
 #include "planner_client/part_files/part_file.h"
 
@@ -22,10 +23,9 @@ std::string FileName(const std::string& path) { return fs::path(path).filename()
 // Moves a file's bytes into the request under a name of its own.
 absl::Status AddAsset(const std::string& path, const std::string& name,
                       std::vector<AssetFile>* assets) {
-  absl::StatusOr<std::string> bytes = ReadFile(path);
-  if (!bytes.ok()) return bytes.status();
-  if (bytes->empty()) return absl::InvalidArgumentError(absl::StrCat(path, ": is empty"));
-  assets->push_back({name, *std::move(bytes)});
+  SIGHTLINE_ASSIGN_OR_RETURN(std::string bytes, ReadFile(path));
+  if (bytes.empty()) return absl::InvalidArgumentError(absl::StrCat(path, ": is empty"));
+  assets->push_back({name, std::move(bytes)});
   return absl::OkStatus();
 }
 
@@ -33,27 +33,25 @@ absl::Status AddAsset(const std::string& path, const std::string& name,
 absl::Status AddMesh(const std::string& prefix, const PartFileOptions& options, std::string* file,
                      std::string* unit, std::vector<AssetFile>* assets) {
   const std::string path = *file;
-  const absl::StatusOr<MeshFile> mesh_file = MeshFileOf(path, *unit, options);
-  if (!mesh_file.ok()) return mesh_file.status();
-  *unit = mesh_file->unit;
-  const std::string extension = fs::path(mesh_file->path).extension();
+  SIGHTLINE_ASSIGN_OR_RETURN(const MeshFile mesh_file, MeshFileOf(path, *unit, options));
+  *unit = mesh_file.unit;
+  const std::string extension = fs::path(mesh_file.path).extension();
   if (!absl::EqualsIgnoreCase(extension, ".gltf")) {
     // A server that reads the file has no terminal: its remarks are printed here.
     if (absl::EndsWithIgnoreCase(path, ".glb")) {
-      if (const auto read = LoadPartFile(path, *unit, options); !read.ok()) return read.status();
+      SIGHTLINE_RETURN_IF_ERROR(LoadPartFile(path, *unit, options).status());
     }
     *file = absl::StrCat(prefix, fs::path(path).stem().string(), extension);
-    return AddAsset(mesh_file->path, *file, assets);
+    return AddAsset(mesh_file.path, *file, assets);
   }
-  absl::StatusOr<TriangleMesh> mesh = LoadPartFile(path, *unit, options);
-  if (!mesh.ok()) return mesh.status();
-  if (!mesh->material_names.empty()) {
+  SIGHTLINE_ASSIGN_OR_RETURN(TriangleMesh mesh, LoadPartFile(path, *unit, options));
+  if (!mesh.material_names.empty()) {
     return absl::InvalidArgumentError(
         absl::StrCat(path, ": its materials cannot be sent; save it as .glb"));
   }
   *file = absl::StrCat(prefix, fs::path(path).stem().string(), ".ply");
   *unit = std::string("m");
-  assets->push_back({*file, EncodePly(*mesh)});
+  assets->push_back({*file, EncodePly(mesh)});
   return absl::OkStatus();
 }
 
@@ -68,18 +66,17 @@ absl::StatusOr<std::string> ReadFile(const std::string& path) {
 absl::StatusOr<ImagingInspection> CheckImagingInspection(const v1::Inspection& message,
                                                          const std::string& path) {
   ImagingInspection checked;
-  auto inlined = InlineInspectionFiles(message, path, fs::path(path).parent_path().string());
-  if (!inlined.ok()) return inlined.status();
-  auto inspection = ParseInspection(*inlined, path, "");
-  if (!inspection.ok()) return inspection.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      auto inlined, InlineInspectionFiles(message, path, fs::path(path).parent_path().string()));
+  SIGHTLINE_ASSIGN_OR_RETURN(auto inspection, ParseInspection(inlined, path, ""));
   const auto missing = [&](const std::string& field, const std::string& what) {
     return absl::InvalidArgumentError(
         absl::StrCat(path, ": ", field, " is missing: images need ", what));
   };
-  if (!inspection->sensor) return missing("camera.sensor_file", "a sensor");
-  if (!inspection->rig.lens) return missing("lens", "a lens");
-  if (inspection->materials.empty()) return missing("materials", "the part's materials");
-  return ImagingInspection{*std::move(inlined), *std::move(inspection)};
+  if (!inspection.sensor) return missing("camera.sensor_file", "a sensor");
+  if (!inspection.rig.lens) return missing("lens", "a lens");
+  if (inspection.materials.empty()) return missing("materials", "the part's materials");
+  return ImagingInspection{std::move(inlined), std::move(inspection)};
 }
 
 absl::Status TakeAssets(const std::string& context, v1::Inspection* inspection,

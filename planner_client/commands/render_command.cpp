@@ -18,6 +18,7 @@
 #include "core/json/strict_json.h"
 #include "core/recordings/recordings.h"
 #include "core/sensor/sensor.h"
+#include "core/status/status_macros.h"
 #include "core/text/number.h"
 #include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/command_line/process/output_folder.h"
@@ -57,7 +58,7 @@ struct RenderOptions {
 absl::StatusOr<v1::PlateRender> ReadEffects(const std::string& path) {
   v1::PlateRender message;
   if (path.empty()) return message;
-  if (absl::Status status = ReadStrictJsonFile(path, &message); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(ReadStrictJsonFile(path, &message));
   for (const auto& [given, name] :
        {std::pair(message.has_recordings(), "recordings"), std::pair(message.has_seed(), "seed"),
         std::pair(message.has_speckle(), "speckle")}) {
@@ -90,25 +91,21 @@ absl::Status CropCamera(const std::string& crop, const std::string& input, v1::C
 absl::StatusOr<v1::RenderSpec> PartSpec(const RenderOptions& options,
                                         std::vector<AssetFile>* assets) {
   v1::Inspection message;
-  if (absl::Status status = ReadStrictJsonFile(options.choice.input, &message); !status.ok()) {
-    return status;
-  }
+  SIGHTLINE_RETURN_IF_ERROR(ReadStrictJsonFile(options.choice.input, &message));
   if (options.exposure_s) message.mutable_render()->set_exposure_time_s(*options.exposure_s);
   if (options.f_number) message.mutable_lens()->set_f_number(*options.f_number);
   if (options.seed) message.mutable_render()->set_seed(*options.seed);
   if (options.no_speckle) message.mutable_render()->set_speckle(false);
-  const auto effects = ReadEffects(options.effects_file);
-  if (!effects.ok()) return effects.status();
-  if (effects->has_deviations()) {
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto effects, ReadEffects(options.effects_file));
+  if (effects.has_deviations()) {
     return absl::InvalidArgumentError(
         absl::StrCat(options.effects_file, ": deviations are for plates"));
   }
-  for (const v1::Effect& effect : effects->effects()) *message.add_effects() = effect;
-  auto checked = CheckImagingInspection(message, options.choice.input);
-  if (!checked.ok()) return checked.status();
+  for (const v1::Effect& effect : effects.effects()) *message.add_effects() = effect;
+  SIGHTLINE_ASSIGN_OR_RETURN(auto checked, CheckImagingInspection(message, options.choice.input));
   std::vector<std::string> remarks;
-  auto frames = ChooseFrames(options.choice, checked->inspection, &remarks);
-  if (!frames.ok()) return frames.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto frames,
+                             ChooseFrames(options.choice, checked.inspection, &remarks));
   for (const std::string& remark : remarks) {
     PrintTextTo(stderr, "warning: %s\n", remark.c_str());
   }
@@ -116,7 +113,7 @@ absl::StatusOr<v1::RenderSpec> PartSpec(const RenderOptions& options,
   v1::RenderSpec spec;
   v1::PartRender* part = spec.mutable_part();
   bool second_exposure = false;
-  for (v1::PartFrame& frame : *frames) {
+  for (v1::PartFrame& frame : frames) {
     second_exposure = second_exposure || frame.setting().second_exposure_time_s() > 0;
     // Options override the setting of the plan's scan.
     if (frame.has_setting()) {
@@ -130,12 +127,11 @@ absl::StatusOr<v1::RenderSpec> PartSpec(const RenderOptions& options,
                 options.choice.plan.c_str());
   }
   v1::Inspection* sent = part->mutable_inspection();
-  *sent = std::move(checked->message);
-  if (absl::Status status = TakeAssets(options.choice.input, sent, assets); !status.ok())
-    return status;
+  *sent = std::move(checked.message);
+  SIGHTLINE_RETURN_IF_ERROR(TakeAssets(options.choice.input, sent, assets));
   if (!options.crop.empty()) {
-    absl::Status status = CropCamera(options.crop, options.choice.input, sent->mutable_camera());
-    if (!status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(
+        CropCamera(options.crop, options.choice.input, sent->mutable_camera()));
   }
   if (options.draft) {
     int reduction = 1;
@@ -169,23 +165,18 @@ absl::StatusOr<v1::RenderSpec> PlateSpec(const RenderOptions& options) {
   if (!options.crop.empty()) return refuse("--crop");
   v1::RenderSpec spec;
   v1::PlateRender* plate = spec.mutable_plate();
-  auto given = ReadEffects(options.effects_file);
-  if (!given.ok()) return given.status();
-  *plate = *std::move(given);
-  absl::Status status = ReadRecordingsMessage(options.choice.input, plate->mutable_recordings());
-  if (!status.ok()) return status;
-  if (status = ParseRecordings(plate->recordings(), options.choice.input).status(); !status.ok()) {
-    return status;
-  }
+  SIGHTLINE_ASSIGN_OR_RETURN(*plate, ReadEffects(options.effects_file));
+  SIGHTLINE_RETURN_IF_ERROR(
+      ReadRecordingsMessage(options.choice.input, plate->mutable_recordings()));
+  SIGHTLINE_RETURN_IF_ERROR(ParseRecordings(plate->recordings(), options.choice.input).status());
   if (plate->recordings().format_version() == 2) {
     return absl::InvalidArgumentError(
         absl::StrCat(options.choice.input,
                      ": format_version is 2: render the inspection it was made "
                      "from instead"));
   }
-  const auto deviations =
-      ParseSetupDeviation(plate->deviations(), true, "deviations", options.effects_file);
-  if (!deviations.ok()) return deviations.status();
+  SIGHTLINE_RETURN_IF_ERROR(
+      ParseSetupDeviation(plate->deviations(), true, "deviations", options.effects_file).status());
   if (options.seed) plate->set_seed(*options.seed);
   if (options.no_speckle) plate->set_speckle(false);
   return spec;
@@ -220,66 +211,62 @@ absl::Status WritePreviews(const std::string& folder, const std::vector<std::str
                   static_cast<unsigned long long>(kMostPixels));
       continue;
     }
-    const auto png = PreviewPng(*raw, bayer);
-    if (!png.ok()) return png.status();
-    absl::Status written = WriteFileAtomically(
-        absl::StrCat(folder, "/", file.substr(0, file.size() - 4), "_preview.png"), *png);
-    if (!written.ok()) return written;
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto png, PreviewPng(*raw, bayer));
+    SIGHTLINE_RETURN_IF_ERROR(WriteFileAtomically(
+        absl::StrCat(folder, "/", file.substr(0, file.size() - 4), "_preview.png"), png));
   }
   return absl::OkStatus();
 }
 
 absl::StatusOr<int> Render(const RenderOptions& options) {
-  const auto part = ParseShard(options.part, options.checkpoint);
-  if (!part.ok()) return part.status();
-  absl::StatusOr<std::string> text = ReadFile(options.choice.input);
-  if (!text.ok()) return text.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto part, ParseShard(options.part, options.checkpoint));
+  SIGHTLINE_ASSIGN_OR_RETURN(std::string text, ReadFile(options.choice.input));
   std::vector<AssetFile> assets;
-  absl::StatusOr<v1::RenderSpec> spec = absl::StrContains(*text, "\"laser-line-recordings\"")
-                                            ? PlateSpec(options)
-                                            : PartSpec(options, &assets);
-  if (!spec.ok()) return spec.status();
-  v1::RenderOutput* output = spec->mutable_output();
+  SIGHTLINE_ASSIGN_OR_RETURN(v1::RenderSpec spec,
+                             absl::StrContains(text, "\"laser-line-recordings\"")
+                                 ? PlateSpec(options)
+                                 : PartSpec(options, &assets));
+  v1::RenderOutput* output = spec.mutable_output();
   output->set_image_format(options.format == "tiff" ? v1::RenderOutput::IMAGE_FORMAT_TIFF
                                                     : v1::RenderOutput::IMAGE_FORMAT_PNG);
   output->set_layers(options.layers);
   output->set_demosaic(options.demosaic);
   // Parts of the images are made by several commands at once.
-  const auto out_lock = OpenOutputFolder(
-      options.choice.out, part->IsWhole() ? FileLock::Kind::kExclusive : FileLock::Kind::kShared);
-  if (!out_lock.ok()) return out_lock.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      const auto out_lock,
+      OpenOutputFolder(options.choice.out,
+                       part.IsWhole() ? FileLock::Kind::kExclusive : FileLock::Kind::kShared));
 
   // Files of plates have the names and the place that their shot list gives them; nothing is added.
-  const bool previews = options.previews && spec->has_part();
-  const auto sensor = previews ? ParseSensor(spec->part().inspection().camera().sensor(), "camera")
-                               : absl::StatusOr<Sensor>(Sensor());
-  if (!sensor.ok()) return sensor.status();
+  const bool previews = options.previews && spec.has_part();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto sensor,
+                             previews
+                                 ? ParseSensor(spec.part().inspection().camera().sensor(), "camera")
+                                 : absl::StatusOr<Sensor>(Sensor()));
 
   ProgressLine progress;
   RenderClientOptions client;
-  auto worker = StartWorkerSession(options.worker, &progress, &client);
-  if (!worker.ok()) return worker.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto worker, StartWorkerSession(options.worker, &progress, &client));
   if (!options.checkpoint.empty()) client.checkpoint_file = options.checkpoint + "/finished_images";
-  if (!part->IsWhole()) {
-    client.part = part->number - 1;
-    client.part_count = part->count;
-    absl::StrAppend(&client.checkpoint_file, ".", part->number, "-of-", part->count);
+  if (!part.IsWhole()) {
+    client.part = part.number - 1;
+    client.part_count = part.count;
+    absl::StrAppend(&client.checkpoint_file, ".", part.number, "-of-", part.count);
   }
   std::vector<std::string> warnings;
   client.on_warning = [&](const std::string& warning) { warnings.push_back(warning); };
-  auto files = RenderToFolder(client, *std::move(spec), assets, options.choice.out);
+  auto files = RenderToFolder(client, std::move(spec), assets, options.choice.out);
   progress.Finish();
   for (const std::string& warning : warnings) {
     PrintTextTo(stderr, "warning: %s\n", warning.c_str());
   }
   if (!files.ok()) return AboutFiles(files.status(), options);
   if (previews) {
-    absl::Status written = WritePreviews(options.choice.out, *files,
-                                         sensor->colour_filter == ColourFilter::kBayerRggb);
-    if (!written.ok()) return written;
+    SIGHTLINE_RETURN_IF_ERROR(WritePreviews(options.choice.out, *files,
+                                            sensor.colour_filter == ColourFilter::kBayerRggb));
   }
-  if (!part->IsWhole()) {
-    PrintText("shard %d of %d is done\n", part->number, part->count);
+  if (!part.IsWhole()) {
+    PrintText("shard %d of %d is done\n", part.number, part.count);
     return kExitDone;
   }
   PrintText("%zu files: %s\n", files->size(),

@@ -7,6 +7,7 @@
 #include "absl/status/statusor.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -58,15 +59,12 @@ absl::Status UseServerTls(const ServerTlsOptions& options, bool has_server, Serv
   if (options.ca_file.empty()) {
     return absl::InvalidArgumentError("--tls-cert, --tls-key and --tls-server-name need --tls-ca");
   }
-  auto ca = ReadPem("--tls-ca", options.ca_file);
-  if (!ca.ok()) return ca.status();
-  auto certificate = ReadPem("--tls-cert", options.certificate_file);
-  if (!certificate.ok()) return certificate.status();
-  auto key = ReadPem("--tls-key", options.key_file);
-  if (!key.ok()) return key.status();
-  access->tls_root_certificates = *std::move(ca);
-  access->tls_certificate = *std::move(certificate);
-  access->tls_key = *std::move(key);
+  SIGHTLINE_ASSIGN_OR_RETURN(auto ca, ReadPem("--tls-ca", options.ca_file));
+  SIGHTLINE_ASSIGN_OR_RETURN(auto certificate, ReadPem("--tls-cert", options.certificate_file));
+  SIGHTLINE_ASSIGN_OR_RETURN(auto key, ReadPem("--tls-key", options.key_file));
+  access->tls_root_certificates = std::move(ca);
+  access->tls_certificate = std::move(certificate);
+  access->tls_key = std::move(key);
   access->tls_server_name = options.server_name;
   return absl::OkStatus();
 }

@@ -9,6 +9,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
+#include "core/status/status_macros.h"
 #include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/command_line/process/interrupt.h"
 #include "proto/status/rpc_status.h"
@@ -32,8 +33,7 @@ absl::StatusOr<std::unique_ptr<EmbeddedServer>> StartWorkerSession(
       progress->Show(fraction, message);
     };
   }
-  absl::Status tls = UseServerTls(options.tls, !options.address.empty(), client);
-  if (!tls.ok()) return tls;
+  SIGHTLINE_RETURN_IF_ERROR(UseServerTls(options.tls, !options.address.empty(), client));
   if (!options.address.empty()) {
     if (options.threads == 0 && options.max_image_bytes.empty()) return nullptr;
     return absl::InvalidArgumentError(
@@ -49,9 +49,8 @@ absl::StatusOr<std::unique_ptr<EmbeddedServer>> StartWorkerSession(
     embedded.arguments.insert(embedded.arguments.end(),
                               {"--max-image-bytes", options.max_image_bytes});
   }
-  auto worker = EmbeddedServer::Start(std::move(embedded));
-  if (!worker.ok()) return worker.status();
-  client->embedded = worker->get();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto worker, EmbeddedServer::Start(std::move(embedded)));
+  client->embedded = worker.get();
   return worker;
 }
 

@@ -18,6 +18,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/inspection/inspection.h"
 #include "core/inspection/vector_proto.h"
+#include "core/status/status_macros.h"
 #include "planner_client/coverage_client/scene_connection.h"
 #include "proto/status/rpc_status.h"
 #include "sightline/v1/coverage_service.grpc.pb.h"
@@ -329,10 +330,10 @@ class CoverageClientImpl final : public CoverageClient {
         return absl::InternalError("server answered another number of gains than asked");
       }
       for (const v1::Gain& gain : responses[s].gains()) {
-        absl::StatusOr<ScanFeasibility> feasibility = FeasibilityFromProto(gain.feasibility());
-        if (!feasibility.ok()) return feasibility.status();
+        SIGHTLINE_ASSIGN_OR_RETURN(ScanFeasibility feasibility,
+                                   FeasibilityFromProto(gain.feasibility()));
         // Without an uncertainty gain covered targets count.
-        gains.push_back({*feasibility, gain.new_targets(), gain.covered_targets(),
+        gains.push_back({feasibility, gain.new_targets(), gain.covered_targets(),
                          gain.weighted_gain(), by_uncertainty ? gain.gain() : gain.new_targets()});
       }
     }
@@ -372,9 +373,9 @@ class CoverageClientImpl final : public CoverageClient {
         return absl::InternalError("server answered another number of coverages than asked");
       }
       for (const v1::Coverage& message : responses[s].coverages()) {
-        absl::StatusOr<ScanFeasibility> feasibility = FeasibilityFromProto(message.feasibility());
-        if (!feasibility.ok()) return feasibility.status();
-        if (status = take(*feasibility, message); !status.ok()) return status;
+        SIGHTLINE_ASSIGN_OR_RETURN(ScanFeasibility feasibility,
+                                   FeasibilityFromProto(message.feasibility()));
+        if (status = take(feasibility, message); !status.ok()) return status;
       }
     }
     return absl::OkStatus();
@@ -419,7 +420,7 @@ absl::StatusOr<std::unique_ptr<CoverageClient>> CoverageClient::Open(CoverageCli
                                                                      CoverageTask task) {
   if (task.part == nullptr) return absl::InvalidArgumentError("a coverage task needs a part");
   auto client = std::make_unique<CoverageClientImpl>(std::move(options), std::move(task));
-  if (absl::Status status = client->Prepare(); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(client->Prepare());
   return client;
 }
 

@@ -14,6 +14,7 @@
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "core/inspection/vector_proto.h"
+#include "core/status/status_macros.h"
 #include "planner_client/coverage_client/part_upload.h"
 #include "planner_client/coverage_client/scene_connection.h"
 #include "proto/status/rpc_status.h"
@@ -40,21 +41,20 @@ absl::Status SceneConnection::CreateScene(CoverageConnection& connection) {
       continue;
     }
     if (!status.ok()) return status;
-    absl::StatusOr<v1::Job> job = WaitForJob(connection, response.job());
-    if (!job.ok()) return job.status();
-    switch (job->state()) {
+    SIGHTLINE_ASSIGN_OR_RETURN(v1::Job job, WaitForJob(connection, response.job()));
+    switch (job.state()) {
       case v1::Job::STATE_SUCCEEDED:
-        if (created_ && job->result_key() != info_.scene_digest) {
+        if (created_ && job.result_key() != info_.scene_digest) {
           return absl::InternalError(
               "the server made another scene than before: is it another version?");
         }
-        if (!created_) info_.scene_digest = job->result_key();
+        if (!created_) info_.scene_digest = job.result_key();
         return absl::OkStatus();
       case v1::Job::STATE_FAILED:
         // A part that was dropped for lack of memory while the job waited.
-        if (job->error_code() == static_cast<int>(absl::StatusCode::kNotFound)) continue;
-        return absl::Status(static_cast<absl::StatusCode>(job->error_code()),
-                            absl::StrCat("building the scene: ", job->error_message()));
+        if (job.error_code() == static_cast<int>(absl::StatusCode::kNotFound)) continue;
+        return absl::Status(static_cast<absl::StatusCode>(job.error_code()),
+                            absl::StrCat("building the scene: ", job.error_message()));
       default:
         return absl::CancelledError("building the scene was cancelled");
     }
@@ -78,8 +78,7 @@ absl::Status SceneConnection::UploadPart(CoverageConnection& connection, const s
   message.mutable_header()->set_size_bytes(static_cast<int64_t>(bytes.size()));
   message.mutable_header()->set_file_name(part.name);
   WriteUpload(*writer, std::move(message), bytes);
-  absl::Status status = FromGrpcStatus(writer->Finish());
-  if (!status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(FromGrpcStatus(writer->Finish()));
   if (response.part_digest() != digest) {
     return absl::InternalError(
         absl::StrCat("the server read ", part.name, " differently: is it another version?"));
@@ -140,8 +139,8 @@ absl::Status SceneConnection::FetchScene(CoverageConnection& connection) {
   request.set_scene_digest(info_.scene_digest);
   v1::GetSceneResponse response;
   grpc::ClientContext context;
-  absl::Status status = FromGrpcStatus(connection.coverage->GetScene(&context, request, &response));
-  if (!status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(
+      FromGrpcStatus(connection.coverage->GetScene(&context, request, &response)));
   info_.spec = response.spec();
   info_.server_build = response.server_build();
   info_.target_count = response.target_count();

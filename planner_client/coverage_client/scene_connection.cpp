@@ -16,6 +16,7 @@
 #include "core/inspection/inspection.h"
 #include "core/inspection/vector_proto.h"
 #include "core/part/part_digest.h"
+#include "core/status/status_macros.h"
 #include "planner_client/coverage_client/coverage_client.h"
 #include "planner_client/coverage_client/part_upload.h"
 #include "proto/status/rpc_status.h"
@@ -73,8 +74,8 @@ SceneConnection::SceneConnection(CoverageClientOptions options, CoverageTask tas
 absl::Status SceneConnection::Prepare() {
   absl::Status status = WithRetries([this](CoverageConnection& connection) {
     // Inside the loop: the server may end while it builds.
-    if (absl::Status built = CreateScene(connection); !built.ok()) return built;
-    if (absl::Status got = FetchScene(connection); !got.ok()) return got;
+    SIGHTLINE_RETURN_IF_ERROR(CreateScene(connection));
+    SIGHTLINE_RETURN_IF_ERROR(FetchScene(connection));
     return FetchTargets(connection);
   });
   if (!status.ok()) return status;
@@ -115,7 +116,7 @@ absl::Status SceneConnection::Recover(absl::Status error, Attempts* attempts) {
     }
     std::lock_guard lock(recovery_mutex_);
     if (absl::Status ended = options_.embedded->CheckAlive(); !ended.ok()) {
-      if (absl::Status status = options_.embedded->Restart(); !status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(options_.embedded->Restart());
       Connect();
       return absl::OkStatus();
     }
@@ -148,7 +149,7 @@ absl::Status SceneConnection::WithRetries(
 absl::Status SceneConnection::RecreateScene(int generation) {
   std::lock_guard lock(recovery_mutex_);
   if (generation_ != generation) return absl::OkStatus();
-  if (absl::Status status = CreateScene(*connection()); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(CreateScene(*connection()));
   ++generation_;
   ++recoveries_;
   return absl::OkStatus();

@@ -17,6 +17,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "core/status/status_macros.h"
 #include "planner_client/coverage_client/coverage_client.h"
 #include "proto/status/rpc_status.h"
 #include "sightline/v1/coverage_service.grpc.pb.h"
@@ -126,7 +127,7 @@ class SceneConnection {
       todo.insert(todo.end(), failed.begin(), failed.end());
       if (error.ok()) continue;
       attempts.generation = asked_generation;
-      if (absl::Status status = Recover(error, &attempts); !status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(Recover(error, &attempts));
     }
     return absl::OkStatus();
   }

@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/inspection/inspection.h"
 #include "core/json/strict_json.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -199,16 +200,14 @@ absl::StatusOr<CalibratedInspection> CalibrateInspectionFile(const std::string& 
                                                              const v1::Diagnosis& diagnosis,
                                                              const std::string& out_folder) {
   v1::Inspection message;
-  absl::Status status = ReadStrictJsonFile(path, &message);
-  if (!status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(ReadStrictJsonFile(path, &message));
   const fs::path base = fs::absolute(path).lexically_normal().parent_path();
-  absl::StatusOr<v1::Inspection> inlined = InlineInspectionFiles(message, path, base.string());
-  if (!inlined.ok()) return inlined.status();
-  status = ParseInspection(*inlined, path, "").status();
-  if (!status.ok()) return status;
-  CalibratedInspection result = CalibrateInspection(*inlined, nominal, diagnosis);
-  status = ParseInspection(result.inspection, absl::StrCat(path, ", calibrated"), "").status();
-  if (!status.ok()) return status;
+  SIGHTLINE_ASSIGN_OR_RETURN(v1::Inspection inlined,
+                             InlineInspectionFiles(message, path, base.string()));
+  SIGHTLINE_RETURN_IF_ERROR(ParseInspection(inlined, path, "").status());
+  CalibratedInspection result = CalibrateInspection(inlined, nominal, diagnosis);
+  SIGHTLINE_RETURN_IF_ERROR(
+      ParseInspection(result.inspection, absl::StrCat(path, ", calibrated"), "").status());
   NameFilesFrom(out_folder, &result.inspection);
   return result;
 }

@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/recordings/assumed_values.h"
 #include "core/recordings/recordings.h"
+#include "core/status/status_macros.h"
 #include "planner_client/diagnosis_client/listed_images.h"
 
 namespace sightline {
@@ -23,13 +24,11 @@ absl::StatusOr<RecordedFolder> ReadRecordedFolder(const std::string& path, Shown
       fs::is_directory(path) ? fs::path(path) / "recordings.json" : fs::path(path);
   set.description_file = description.string();
   set.folder = description.has_parent_path() ? description.parent_path().string() : ".";
-  absl::Status status = ReadRecordingsMessage(set.description_file, &set.recordings);
-  if (!status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(ReadRecordingsMessage(set.description_file, &set.recordings));
   if (missing_values == MissingValues::kAssume) {
     set.assumptions = AssumeMissingValues(&set.recordings);
   }
-  status = ParseRecordings(set.recordings, set.description_file).status();
-  if (!status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(ParseRecordings(set.recordings, set.description_file).status());
   if (shown == Shown::kPlate && set.recordings.format_version() != 1) {
     return absl::InvalidArgumentError(absl::StrCat(
         set.description_file, ": format_version is ", set.recordings.format_version(),
@@ -40,10 +39,9 @@ absl::StatusOr<RecordedFolder> ReadRecordedFolder(const std::string& path, Shown
   for (const v1::Recording& recording : set.recordings.recordings()) {
     listed.push_back({recording.file(), ""});
   }
-  auto images = ReadListedImages(set.folder, listed,
-                                 absl::StrCat(set.description_file, ": recordings[].file"));
-  if (!images.ok()) return images.status();
-  set.images = *std::move(images);
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      set.images, ReadListedImages(set.folder, listed,
+                                   absl::StrCat(set.description_file, ": recordings[].file")));
   return set;
 }
 

@@ -12,6 +12,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "core/sensor/emva1288_data.h"
+#include "core/status/status_macros.h"
 #include "planner_client/diagnosis_client/listed_images.h"
 
 namespace sightline {
@@ -89,11 +90,8 @@ absl::StatusOr<SensorSetFolder> ReadSensorSetFolder(const std::string& path) {
   }
   set.description_file = description.string();
   set.folder = description.has_parent_path() ? description.parent_path().string() : ".";
-  const auto text = ReadText(set.description_file);
-  if (!text.ok()) return text.status();
-  auto parsed = ParseEmva1288Data(*text, set.description_file);
-  if (!parsed.ok()) return parsed.status();
-  set.set = *std::move(parsed);
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto text, ReadText(set.description_file));
+  SIGHTLINE_ASSIGN_OR_RETURN(set.set, ParseEmva1288Data(text, set.description_file));
   if (set.set.name().empty()) {
     const fs::path folder = fs::absolute(set.folder).lexically_normal();
     // "set/" ends in an empty name.
@@ -110,9 +108,8 @@ absl::StatusOr<SensorSetFolder> ReadSensorSetFolder(const std::string& path) {
       listed.push_back({file, absl::StrCat("steps[", i, "]")});
     }
   }
-  auto images = ReadListedImages(set.folder, listed, set.description_file);
-  if (!images.ok()) return images.status();
-  set.images = *std::move(images);
+  SIGHTLINE_ASSIGN_OR_RETURN(set.images,
+                             ReadListedImages(set.folder, listed, set.description_file));
   return set;
 }
 

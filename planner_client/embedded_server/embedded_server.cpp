@@ -27,6 +27,7 @@
 #include "core/process/program_path.h"
 #include "core/process/start_process.h"
 #include "core/process_folder/process_folder.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -148,10 +149,8 @@ class EmbeddedServerImpl final : public EmbeddedServer {
 
   // `keeps_on`: in spite of an interruption.
   absl::Status Launch(bool keeps_on) {
-    absl::StatusOr<Pipe> lifeline = MakePipe();
-    if (!lifeline.ok()) return lifeline.status();
-    absl::StatusOr<Pipe> output = MakePipe();
-    if (!output.ok()) return output.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(Pipe lifeline, MakePipe());
+    SIGHTLINE_ASSIGN_OR_RETURN(Pipe output, MakePipe());
 
     constexpr int kLifelineFd = 3;
     std::vector<std::string> arguments = {
@@ -168,18 +167,18 @@ class EmbeddedServerImpl final : public EmbeddedServer {
     const absl::StatusOr<pid_t> child = StartProcess(
         {.words = std::move(arguments),
          .descriptors = {
-             {.number = 1, .ours = output->write.get()},
+             {.number = 1, .ours = output.write.get()},
              {.number = 2, .file = StderrFile(), .flags = O_WRONLY | O_CREAT | O_TRUNC | O_APPEND},
-             {.number = kLifelineFd, .ours = lifeline->read.get()}}});
+             {.number = kLifelineFd, .ours = lifeline.read.get()}}});
     if (!child.ok()) {
       return absl::UnavailableError(
           absl::StrCat(options_.description, ": ", child.status().message()));
     }
     pid_ = *child;
     wait_status_.reset();
-    lifeline_ = std::move(lifeline->write);
-    output->write.Reset();
-    absl::Status status = WaitUntilListening(output->read.get(), keeps_on);
+    lifeline_ = std::move(lifeline.write);
+    output.write.Reset();
+    absl::Status status = WaitUntilListening(output.read.get(), keeps_on);
     was_killed_at_start_ = !status.ok() && wait_status_ && WIFSIGNALED(*wait_status_);
     if (!status.ok()) Stop();
     return status;
@@ -218,7 +217,7 @@ class EmbeddedServerImpl final : public EmbeddedServer {
       const auto wait_ms = static_cast<int>(absl::ToInt64Milliseconds(ProcessClock::kPeriod));
       if (poll(&fd, 1, wait_ms) <= 0) {
         // A child of its own may keep its stdout open.
-        if (absl::Status alive = CheckAliveLocked(); !alive.ok()) return alive;
+        SIGHTLINE_RETURN_IF_ERROR(CheckAliveLocked());
         continue;
       }
       char buffer[512];
@@ -314,13 +313,10 @@ class EmbeddedServerImpl final : public EmbeddedServer {
 
 absl::StatusOr<std::unique_ptr<EmbeddedServer>> EmbeddedServer::Start(
     EmbeddedServerOptions options) {
-  absl::StatusOr<std::string> binary = FindBinary(options);
-  if (!binary.ok()) return binary.status();
-  absl::StatusOr<ProcessFolder> folder = MakePrivateFolder();
-  if (!folder.ok()) return folder.status();
-  auto server =
-      std::make_unique<EmbeddedServerImpl>(std::move(options), *binary, *std::move(folder));
-  if (absl::Status status = server->Start(); !status.ok()) return status;
+  SIGHTLINE_ASSIGN_OR_RETURN(std::string binary, FindBinary(options));
+  SIGHTLINE_ASSIGN_OR_RETURN(ProcessFolder folder, MakePrivateFolder());
+  auto server = std::make_unique<EmbeddedServerImpl>(std::move(options), binary, std::move(folder));
+  SIGHTLINE_RETURN_IF_ERROR(server->Start());
   return server;
 }
 

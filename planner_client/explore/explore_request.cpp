@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/json/strict_json.h"
+#include "core/status/status_macros.h"
 #include "core/text/number_text.h"
 
 namespace sightline {
@@ -179,7 +180,7 @@ absl::StatusOr<Measurement> ReadMeasurement(const Json& request, const Measureme
     }
   }
   const Measurement measurement = FromArray(values);
-  if (absl::Status status = reader.status(); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(reader.status());
   if (!domain.Contains(measurement)) {
     return InvalidFields({{"measurement.part_alpha_deg",
                            "and part_beta_deg must be one of the inspection's resting "
@@ -198,7 +199,7 @@ absl::StatusOr<v1::OpticalSetting> ReadSetting(const Json& request, const Settin
   setting.set_f_number(reader.Number("f_number", limits.f_number));
   setting.set_exposure_time_s(reader.Number("exposure_time_s", limits.exposure_time_s));
   setting.set_focus_distance_m(reader.Number("focus_distance_m", limits.focus_distance_m));
-  if (absl::Status status = reader.status(); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(reader.status());
   return setting;
 }
 

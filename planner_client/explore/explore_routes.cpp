@@ -4,6 +4,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "core/status/status_macros.h"
 #include "planner_client/explore/explore_page.h"
 #include "planning_service/http/http_reply.h"
 #include "proto/status/rpc_status.h"
@@ -29,10 +30,9 @@ absl::StatusOr<Json> ReadJsonRequest(HttpExchange& exchange) {
   }
   std::string body;
   while (true) {
-    auto piece = exchange.ReadBody();
-    if (!piece.ok()) return piece.status();
-    if (piece->empty()) return ParseRequestBody(body);
-    absl::StrAppend(&body, *piece);
+    SIGHTLINE_ASSIGN_OR_RETURN(auto piece, exchange.ReadBody());
+    if (piece.empty()) return ParseRequestBody(body);
+    absl::StrAppend(&body, piece);
   }
 }
 

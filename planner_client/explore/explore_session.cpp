@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "core/json/strict_json.h"
+#include "core/status/status_macros.h"
 #include "planner_client/optimise/maximise.h"
 #include "planner_client/optimise/search_space.h"
 #include "planner_client/report/plan/plan_scene.h"
@@ -148,9 +149,8 @@ absl::StatusOr<std::unique_ptr<ExploreSession>> ExploreSession::Open(ExploreTask
   std::vector<Measurement> measurements;
   for (const ExploredScan& scan : task.scans) measurements.push_back(scan.measurement);
   if (!measurements.empty()) {
-    auto exact = task.gain_model->ExactCoverage(measurements);
-    if (!exact.ok()) return exact.status();
-    for (size_t i = 0; i < task.scans.size(); ++i) task.scans[i].exact = std::move((*exact)[i]);
+    SIGHTLINE_ASSIGN_OR_RETURN(auto exact, task.gain_model->ExactCoverage(measurements));
+    for (size_t i = 0; i < task.scans.size(); ++i) task.scans[i].exact = std::move(exact[i]);
   }
   return std::unique_ptr<ExploreSession>(new ExploreSession(std::move(task)));
 }
@@ -162,12 +162,12 @@ absl::StatusOr<ScanCoverage> ExploreSession::Exact(const Measurement& measuremen
       if (known == measurement) return coverage;
     }
   }
-  auto exact = task_.gain_model->ExactCoverage(std::span(&measurement, 1));
-  if (!exact.ok()) return exact.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto exact,
+                             task_.gain_model->ExactCoverage(std::span(&measurement, 1)));
   const std::scoped_lock lock(exact_mutex_);
-  exact_.emplace_front(measurement, exact->front());
+  exact_.emplace_front(measurement, exact.front());
   if (exact_.size() > kRememberedScans) exact_.pop_back();
-  return std::move(exact->front());
+  return std::move(exact.front());
 }
 
 absl::StatusOr<std::optional<v1::OpticalSetting>> ExploreSession::SettingOf(
@@ -179,9 +179,8 @@ absl::StatusOr<std::optional<v1::OpticalSetting>> ExploreSession::SettingOf(
     const std::scoped_lock lock(mutex_);
     base = position_.setting.value_or(default_setting_);
   }
-  auto setting = ReadSetting(request, LimitsOfSetting(*lens), base);
-  if (!setting.ok()) return setting.status();
-  return *std::move(setting);
+  SIGHTLINE_ASSIGN_OR_RETURN(auto setting, ReadSetting(request, LimitsOfSetting(*lens), base));
+  return setting;
 }
 
 TargetBits ExploreSession::PlanCoverage(std::optional<int64_t> without) const {
@@ -208,9 +207,8 @@ absl::StatusOr<std::vector<float>> ExploreSession::KnownShares(std::span<const M
     return known;
   }
   if (plan.empty()) return known;
-  auto scans = task_.judge->FastCoverage(plan);
-  if (!scans.ok()) return scans.status();
-  for (const ScanCoverage& scan : *scans) {
+  SIGHTLINE_ASSIGN_OR_RETURN(auto scans, task_.judge->FastCoverage(plan));
+  for (const ScanCoverage& scan : scans) {
     for (size_t i = 0; i < scan.shares.targets.size(); ++i) {
       known[scan.shares.targets[i]] += scan.shares.share[i];
     }
@@ -225,18 +223,16 @@ absl::StatusOr<PlanScore> ExploreSession::Score(const std::vector<Measurement>& 
       if (known == plan) return score;
     }
   }
-  auto score = task_.judge->ScorePlan(plan, true);
-  if (!score.ok()) return score.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto score, task_.judge->ScorePlan(plan, true));
   const std::scoped_lock lock(score_mutex_);
-  scores_.emplace_front(plan, *score);
+  scores_.emplace_front(plan, score);
   if (scores_.size() > kRememberedScans) scores_.pop_back();
-  return *score;
+  return score;
 }
 
 absl::StatusOr<Json> ExploreSession::Admissible(const Json& request) {
   RequestReader reader(request, "", {"measurement", "instead_of"});
-  auto measurement = ReadMeasurement(request, task_.inspection.domain);
-  if (!measurement.ok()) return measurement.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto measurement, ReadMeasurement(request, task_.inspection.domain));
   if (task_.judge == nullptr) {
     return absl::FailedPreconditionError(
         "inspection.json: goal.admissible is missing: the goal is coverage");
@@ -246,7 +242,7 @@ absl::StatusOr<Json> ExploreSession::Admissible(const Json& request) {
     const std::scoped_lock lock(mutex_);
     const auto instead_of =
         reader.OptionalInteger("instead_of", 0, static_cast<int64_t>(scans_.size()) - 1);
-    if (absl::Status status = reader.status(); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(reader.status());
     scans = PlanScans(instead_of);
   }
   const LatestOnly::Turn turn = judgements_.Take();
@@ -256,10 +252,9 @@ absl::StatusOr<Json> ExploreSession::Admissible(const Json& request) {
   if (!before.ok()) return before.status();
   if (*turn.cancelled) return cancelled;
   auto with = before;
-  auto exact = Exact(*measurement);
-  if (!exact.ok()) return exact.status();
-  if (exact->feasibility == ScanFeasibility::kFeasible) {
-    scans.push_back(*measurement);
+  SIGHTLINE_ASSIGN_OR_RETURN(auto exact, Exact(measurement));
+  if (exact.feasibility == ScanFeasibility::kFeasible) {
+    scans.push_back(measurement);
     with = Score(scans);
     if (!with.ok()) return with.status();
   }
@@ -414,27 +409,23 @@ Json ExploreSession::EvaluationJson(const Measurement& measurement, const ScanCo
 absl::StatusOr<Json> ExploreSession::Evaluate(const Json& request) {
   RequestReader reader(request, "", {"measurement", "setting", "exact", "instead_of"});
   const bool exact = reader.Flag("exact");
-  auto measurement = ReadMeasurement(request, task_.inspection.domain);
-  if (!measurement.ok()) return measurement.status();
-  auto setting = SettingOf(request);
-  if (!setting.ok()) return setting.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto measurement, ReadMeasurement(request, task_.inspection.domain));
+  SIGHTLINE_ASSIGN_OR_RETURN(auto setting, SettingOf(request));
   TargetBits plan;
   {
     const std::scoped_lock lock(mutex_);
     const auto instead_of =
         reader.OptionalInteger("instead_of", 0, static_cast<int64_t>(scans_.size()) - 1);
-    if (absl::Status status = reader.status(); !status.ok()) return status;
-    position_ = {*measurement, *setting};
+    SIGHTLINE_RETURN_IF_ERROR(reader.status());
+    position_ = {measurement, setting};
     plan = PlanCoverage(instead_of);
   }
   if (exact) {
-    auto coverage = Exact(*measurement);
-    if (!coverage.ok()) return coverage.status();
-    return EvaluationJson(*measurement, *coverage, true, plan);
+    SIGHTLINE_ASSIGN_OR_RETURN(auto coverage, Exact(measurement));
+    return EvaluationJson(measurement, coverage, true, plan);
   }
-  auto fast = task_.gain_model->FastCoverage(std::span(&*measurement, 1));
-  if (!fast.ok()) return fast.status();
-  return EvaluationJson(*measurement, fast->front(), false, plan);
+  SIGHTLINE_ASSIGN_OR_RETURN(auto fast, task_.gain_model->FastCoverage(std::span(&measurement, 1)));
+  return EvaluationJson(measurement, fast.front(), false, plan);
 }
 
 absl::StatusOr<Json> ExploreSession::ChangePlan(const Json& request) {
@@ -442,22 +433,19 @@ absl::StatusOr<Json> ExploreSession::ChangePlan(const Json& request) {
                        {"revision", "action", "index", "to", "measurement", "setting"});
   const std::string action = reader.Word("action", {"add", "replace", "remove", "move", "load"});
   const int64_t revision = reader.Integer("revision", 0, INT64_MAX);
-  if (absl::Status status = reader.status(); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(reader.status());
 
   // Slow work comes before the lock.
   ExploredScan scan;
   if (action == "add" || action == "replace") {
-    auto measurement = ReadMeasurement(request, task_.inspection.domain);
-    if (!measurement.ok()) return measurement.status();
-    auto setting = SettingOf(request);
-    if (!setting.ok()) return setting.status();
-    auto exact = Exact(*measurement);
-    if (!exact.ok()) return exact.status();
-    scan = {*measurement, *std::move(setting), false, *std::move(exact)};
+    SIGHTLINE_ASSIGN_OR_RETURN(auto measurement, ReadMeasurement(request, task_.inspection.domain));
+    SIGHTLINE_ASSIGN_OR_RETURN(auto setting, SettingOf(request));
+    SIGHTLINE_ASSIGN_OR_RETURN(auto exact, Exact(measurement));
+    scan = {measurement, std::move(setting), false, std::move(exact)};
     if (scan.exact.feasibility != ScanFeasibility::kFeasible) {
       return WithErrorInfo(
           absl::FailedPreconditionError(absl::StrCat(
-              "this scan cannot be made: ", Obstacle(*measurement, scan.exact.feasibility))),
+              "this scan cannot be made: ", Obstacle(measurement, scan.exact.feasibility))),
           "SCAN_INFEASIBLE");
     }
   }
@@ -472,7 +460,7 @@ absl::StatusOr<Json> ExploreSession::ChangePlan(const Json& request) {
   int64_t index = 0, to = 0;
   if (action != "add") index = reader.Integer("index", 0, count - 1);
   if (action == "move") to = reader.Integer("to", 0, count - 1);
-  if (absl::Status status = reader.status(); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(reader.status());
   const auto at = scans_.begin() + index;
   if (action == "add") {
     if (count >= kMaxExploredScans) {
@@ -500,17 +488,16 @@ absl::StatusOr<Json> ExploreSession::ChangePlan(const Json& request) {
 absl::StatusOr<Json> ExploreSession::Suggest(const Json& request) {
   RequestReader reader(request, "", {"from", "measurement", "instead_of"});
   const bool here = reader.Word("from", {"here", "anywhere"}) == "here";
-  if (absl::Status status = reader.status(); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(reader.status());
   const MeasurementDomain& domain = task_.inspection.domain;
-  auto start = ReadMeasurement(request, domain);
-  if (!start.ok()) return start.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto start, ReadMeasurement(request, domain));
   TargetBits plan;
   std::vector<Measurement> plan_scans;
   {
     const std::scoped_lock lock(mutex_);
     const auto instead_of =
         reader.OptionalInteger("instead_of", 0, static_cast<int64_t>(scans_.size()) - 1);
-    if (absl::Status status = reader.status(); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(reader.status());
     plan = PlanCoverage(instead_of);
     plan_scans = PlanScans(instead_of);
   }
@@ -518,8 +505,7 @@ absl::StatusOr<Json> ExploreSession::Suggest(const Json& request) {
   const LatestOnly::Turn turn = suggestions_.Take();
   const Json cancelled = {{"cancelled", true}};
   const SearchSpace space(domain);
-  const auto known = KnownShares(plan_scans, plan);
-  if (!known.ok()) return known.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto known, KnownShares(plan_scans, plan));
   GainModel& guide = task_.judge != nullptr ? *task_.judge : *task_.gain_model;
   TopPoints top(kExactCandidates, kCandidateSeparation);
   const int64_t budget = kLocalEvaluations + (here ? 0 : kGlobalEvaluations);
@@ -532,12 +518,11 @@ absl::StatusOr<Json> ExploreSession::Suggest(const Json& request) {
     if (*turn.cancelled) return absl::CancelledError("cancelled");
     std::vector<Measurement> measurements;
     for (const auto& x : points) measurements.push_back(space.ToMeasurement(x));
-    auto gains = guide.Gains(measurements, *known);
-    if (!gains.ok()) return gains.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(auto gains, guide.Gains(measurements, known));
     std::vector<double> values;
     for (size_t i = 0; i < points.size(); ++i) {
-      const bool feasible = (*gains)[i].feasibility == ScanFeasibility::kFeasible;
-      values.push_back(feasible ? (*gains)[i].gain : -1);
+      const bool feasible = gains[i].feasibility == ScanFeasibility::kFeasible;
+      values.push_back(feasible ? gains[i].gain : -1);
       if (feasible) top.Add(space.Normalise(points[i]), values.back());
       search_best_ = std::max<int64_t>(search_best_, static_cast<int64_t>(values.back()));
     }
@@ -547,7 +532,7 @@ absl::StatusOr<Json> ExploreSession::Suggest(const Json& request) {
   // Anywhere: by a swarm first, then near the best that it found.
   MaximiseOptions options;
   options.periodic = space.periodic();
-  absl::StatusOr<Maximum> found = Maximum{space.ToUnit(*start), 0};
+  absl::StatusOr<Maximum> found = Maximum{space.ToUnit(start), 0};
   if (!here) {
     found = Maximise(Method::kParticleSwarm, space.dimension(), objective, kGlobalEvaluations,
                      kSearchSeed, options);
@@ -564,7 +549,7 @@ absl::StatusOr<Json> ExploreSession::Suggest(const Json& request) {
 
   // The present position is among the candidates: nothing worse is ever suggested from here.
   std::vector<Measurement> candidates;
-  if (here) candidates.push_back(*start);
+  if (here) candidates.push_back(start);
   for (const TopPoints::Entry& entry : top.entries()) {
     candidates.push_back(Rounded(space.ToMeasurement(entry.x), domain));
   }
@@ -573,17 +558,15 @@ absl::StatusOr<Json> ExploreSession::Suggest(const Json& request) {
   std::vector<ScanCoverage> exact;
   for (size_t i = 0; i < candidates.size(); ++i) {
     if (*turn.cancelled) return cancelled;
-    auto coverage = Exact(candidates[i]);
-    if (!coverage.ok()) return coverage.status();
-    exact.push_back(*std::move(coverage));
+    SIGHTLINE_ASSIGN_OR_RETURN(auto coverage, Exact(candidates[i]));
+    exact.push_back(std::move(coverage));
     if (exact[i].feasibility != ScanFeasibility::kFeasible) continue;
     int64_t gain = exact[i].covered.CountNotIn(plan);
     if (task_.judge != nullptr) {
       std::vector<Measurement> scans = plan_scans;
       scans.push_back(candidates[i]);
-      const auto score = Score(scans);
-      if (!score.ok()) return score.status();
-      gain = score->satisfied;
+      SIGHTLINE_ASSIGN_OR_RETURN(const auto score, Score(scans));
+      gain = score.satisfied;
     }
     if (gain > best_gain) {
       best = i;
@@ -618,32 +601,29 @@ absl::StatusOr<Json> ExploreSession::Picture(const Json& request) {
     return WithErrorInfo(absl::FailedPreconditionError(task_.no_pictures), "NO_PICTURES");
   }
   RequestReader reader(request, "", {"measurement", "setting", "frame"});
-  auto measurement = ReadMeasurement(request, task_.inspection.domain);
-  if (!measurement.ok()) return measurement.status();
-  auto setting = SettingOf(request);
-  if (!setting.ok()) return setting.status();
-  if (absl::Status status = reader.status(); !status.ok()) return status;
+  SIGHTLINE_ASSIGN_OR_RETURN(auto measurement, ReadMeasurement(request, task_.inspection.domain));
+  SIGHTLINE_ASSIGN_OR_RETURN(auto setting, SettingOf(request));
+  SIGHTLINE_RETURN_IF_ERROR(reader.status());
 
   const LatestOnly::Turn turn = pictures_.Take();
   const Json cancelled = {{"cancelled", true}};
   if (*turn.cancelled) return cancelled;
-  auto coverage = Exact(*measurement);
-  if (!coverage.ok()) return coverage.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto coverage, Exact(measurement));
   // A scan that cannot be made has a picture nevertheless, by where the sheet meets the part.
   const double step_m = task_.inspection.rig.scan_step_m;
-  const StageTravel travel = TravelOf(*measurement, *coverage);
+  const StageTravel travel = TravelOf(measurement, coverage);
   const auto first = static_cast<int64_t>(std::ceil(travel.start_m / step_m - 1e-6));
   const auto frames = std::clamp<int64_t>(
       static_cast<int64_t>(std::floor(travel.end_m / step_m + 1e-6)) - first + 1, 1, 10'000'000);
   const int64_t frame = reader.OptionalInteger("frame", 0, frames - 1).value_or(frames / 2);
-  if (absl::Status status = reader.status(); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(reader.status());
 
   v1::PartFrame message;
-  *message.mutable_measurement() = MeasurementToProto(*measurement);
+  *message.mutable_measurement() = MeasurementToProto(measurement);
   message.set_stage_position_m(static_cast<double>(first + frame) * step_m);
   message.set_scan(1);
   message.set_frame(static_cast<int32_t>(frame));
-  if (*setting) *message.mutable_setting() = **setting;
+  if (setting) *message.mutable_setting() = *setting;
   auto picture = task_.draw(message, *turn.cancelled);
   if (*turn.cancelled) return cancelled;
   if (!picture.ok()) return picture.status();
@@ -661,7 +641,7 @@ absl::StatusOr<Json> ExploreSession::Picture(const Json& request) {
 absl::StatusOr<Json> ExploreSession::Save(const Json& request) {
   RequestReader reader(request, "", {"overwrite"});
   const bool overwrite = reader.Flag("overwrite");
-  if (absl::Status status = reader.status(); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(reader.status());
   const std::scoped_lock saving(save_mutex_);
   std::vector<ExploredScan> scans;
   int64_t revision = 0;
@@ -678,11 +658,10 @@ absl::StatusOr<Json> ExploreSession::Save(const Json& request) {
         absl::AlreadyExistsError(absl::StrCat("there is a plan already in ", task_.folder)),
         "PLAN_EXISTS");
   }
-  auto saved = task_.save(scans);
-  if (!saved.ok()) return saved.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto saved, task_.save(scans));
   const std::scoped_lock lock(mutex_);
   saved_revision_ = revision;
-  return Json{{"folder", task_.folder}, {"files", saved->files}, {"state", StateLocked()}};
+  return Json{{"folder", task_.folder}, {"files", saved.files}, {"state", StateLocked()}};
 }
 
 void ExploreSession::Close() {

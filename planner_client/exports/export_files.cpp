@@ -10,6 +10,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "core/json/strict_json.h"
+#include "core/status/status_macros.h"
 #include "core/text/number_text.h"
 #include "planner_client/exports/scan_frames.h"
 
@@ -189,9 +190,8 @@ std::string TransformsYaml(const v1::Plan& plan, const std::vector<ScanFrames>& 
 absl::StatusOr<std::vector<ExportFile>> ExportPlan(const v1::Plan& plan) {
   std::vector<ScanFrames> frames;
   for (const v1::PlannedScan& scan : plan.scans()) {
-    auto of_scan = FramesOfScan(scan);
-    if (!of_scan.ok()) return of_scan.status();
-    frames.push_back(*std::move(of_scan));
+    SIGHTLINE_ASSIGN_OR_RETURN(auto of_scan, FramesOfScan(scan));
+    frames.push_back(std::move(of_scan));
   }
   return std::vector<ExportFile>{{"scans.csv", ScansCsv(plan, frames)},
                                  {"triggers.csv", TriggersCsv(plan)},

@@ -5,6 +5,7 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_format.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -34,18 +35,18 @@ Eigen::Isometry3d ScanFrames::PartAt(double stage_m) const {
 }
 
 absl::StatusOr<ScanFrames> FramesOfScan(const v1::PlannedScan& scan) {
-  const auto part = ReadPose(scan.part_pose(), scan.index(), "part_pose");
-  if (!part.ok()) return part.status();
-  const auto camera = ReadPose(scan.camera_pose(), scan.index(), "camera_pose");
-  if (!camera.ok()) return camera.status();
-  const auto laser = ReadPose(scan.laser_pose(), scan.index(), "laser_pose");
-  if (!laser.ok()) return laser.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto part,
+                             ReadPose(scan.part_pose(), scan.index(), "part_pose"));
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto camera,
+                             ReadPose(scan.camera_pose(), scan.index(), "camera_pose"));
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto laser,
+                             ReadPose(scan.laser_pose(), scan.index(), "laser_pose"));
   ScanFrames frames;
-  frames.part = *part;
+  frames.part = part;
   // The plan has them in the CAD frame with the stage at the scan's start.
   const Eigen::Isometry3d at_start = frames.PartAt(scan.stage_start_m());
-  frames.camera = at_start * *camera;
-  frames.laser = at_start * *laser;
+  frames.camera = at_start * camera;
+  frames.laser = at_start * laser;
   return frames;
 }
 

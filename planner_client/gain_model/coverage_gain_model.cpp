@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "planner_client/gain_model/coverage_gain_model.h"
 
+#include "core/status/status_macros.h"
+
 namespace sightline {
 
 const TargetBits& CoverageGainModel::validation_measurable() const {
@@ -26,10 +28,9 @@ absl::StatusOr<std::vector<ScanCoverage>> CoverageGainModel::ExactCoverage(
     std::span<const Measurement> measurements) {
   auto coverages = client_.ExactCoverage(measurements);
   if (!coverages.ok() || fresh_ == nullptr) return coverages;
-  auto fresh = fresh_->ExactCoverage(measurements);
-  if (!fresh.ok()) return fresh.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto fresh, fresh_->ExactCoverage(measurements));
   for (size_t i = 0; i < coverages->size(); ++i) {
-    (*coverages)[i].validation_covered = std::move((*fresh)[i].covered);
+    (*coverages)[i].validation_covered = std::move(fresh[i].covered);
   }
   return coverages;
 }

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/status/status_macros.h"
 #include "planner_client/requirements/joined_scans.h"
 
 namespace sightline {
@@ -35,9 +36,8 @@ absl::StatusOr<PlanKnowledge> JoinScans(const Inspection& inspection,
   const bool joins = inspection.uncertainty->registration != RegistrationMethod::kNone;
   if (joins) u.registration_m.assign(asked.size(), 0);
   if (!HasSharedErrors(inspection) || scans.empty()) return knowledge;
-  auto information = client.FastInformation(scans);
-  if (!information.ok()) return information.status();
-  for (const InformedScan& scan : *information) {
+  SIGHTLINE_ASSIGN_OR_RETURN(auto information, client.FastInformation(scans));
+  for (const InformedScan& scan : information) {
     std::vector<float>& density = knowledge.density.emplace_back(count, 0.0F);
     for (size_t i = 0; i < scan.targets.size(); ++i) density[scan.targets[i]] = scan.density[i];
   }

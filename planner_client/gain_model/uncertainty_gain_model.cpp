@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "core/status/status_macros.h"
 #include "core/surface_inference/surface_inference.h"
 
 namespace sightline {
@@ -93,11 +94,10 @@ absl::StatusOr<std::vector<ScanGain>> UncertaintyGainModel::WeightedGains(
 
 absl::StatusOr<std::vector<ScanCoverage>> UncertaintyGainModel::FastCoverage(
     std::span<const Measurement> measurements) {
-  auto information = planned_.client->FastInformation(measurements);
-  if (!information.ok()) return information.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto information, planned_.client->FastInformation(measurements));
   std::vector<ScanCoverage> result;
-  result.reserve(information->size());
-  for (InformedScan& scan : *information) {
+  result.reserve(information.size());
+  for (InformedScan& scan : information) {
     ScanCoverage& coverage = result.emplace_back();
     coverage.feasibility = scan.feasibility;
     coverage.covered = std::move(scan.covered);
@@ -174,10 +174,10 @@ absl::StatusOr<UncertaintyGainModel::Counts> UncertaintyGainModel::Count(
     asked.push_back(toleranced[i]);
   std::vector<float> enough_m;
   for (const uint32_t t : asked) enough_m.push_back(sampling.targets.admissible_uncertainty_m[t]);
-  auto exact = sampling.client->Uncertainties(scans, asked, false, enough_m);
-  if (!exact.ok()) return exact.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto exact,
+                             sampling.client->Uncertainties(scans, asked, false, enough_m));
   for (size_t i = 0; i < asked.size(); ++i) {
-    const float u_m = exact->total_m[i];
+    const float u_m = exact.total_m[i];
     counts.satisfied += u_m <= sampling.targets.admissible_uncertainty_m[asked[i]];
     counts.relaxed += u_m <= std::max(sampling.targets.admissible_uncertainty_m[asked[i]],
                                       static_cast<float>(query_.relaxed_uncertainty_m));
@@ -185,15 +185,14 @@ absl::StatusOr<UncertaintyGainModel::Counts> UncertaintyGainModel::Count(
   if (thorough) return counts;
   // Extrapolate exact minus fast from the sampled subset to all targets and subtract one standard
   // error: a search prefers plans that scored well by chance.
-  auto fast = sampling.client->FastInformation(scans);
-  if (!fast.ok()) return fast.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto fast, sampling.client->FastInformation(scans));
   std::vector<float> density(sampling.targets.admissible_density.size(), 0);
-  for (const InformedScan& scan : *fast) {
+  for (const InformedScan& scan : fast) {
     for (size_t i = 0; i < scan.targets.size(); ++i) density[scan.targets[i]] += scan.density[i];
   }
   int64_t differ = 0;  // targets that only one of the two calls admissible
   for (size_t i = 0; i < asked.size(); ++i) {
-    differ += (exact->total_m[i] <= sampling.targets.admissible_uncertainty_m[asked[i]]) !=
+    differ += (exact.total_m[i] <= sampling.targets.admissible_uncertainty_m[asked[i]]) !=
               (density[asked[i]] >= sampling.targets.admissible_density[asked[i]]);
   }
   const auto scaled = [&](int64_t exact_part, const std::vector<float>& needed) {
@@ -217,17 +216,15 @@ absl::StatusOr<UncertaintyGainModel::Counts> UncertaintyGainModel::Count(
 absl::StatusOr<PlanScore> UncertaintyGainModel::ScorePlan(std::span<const Measurement> scans,
                                                           bool thorough) {
   PlanScore score;
-  auto counts = Count(planned_, scans, thorough);
-  if (!counts.ok()) return counts.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto counts, Count(planned_, scans, thorough));
   score.measurable = planned_.targets.bits.Count();
-  score.satisfied = counts->satisfied;
-  score.relaxed = counts->relaxed;
+  score.satisfied = counts.satisfied;
+  score.relaxed = counts.relaxed;
   if (fresh_.client == nullptr) return score;
-  auto fresh = Count(fresh_, scans, thorough);
-  if (!fresh.ok()) return fresh.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto fresh, Count(fresh_, scans, thorough));
   score.validation_measurable = fresh_.targets.bits.Count();
-  score.validation_satisfied = fresh->satisfied;
-  score.validation_relaxed = fresh->relaxed;
+  score.validation_satisfied = fresh.satisfied;
+  score.validation_relaxed = fresh.relaxed;
   return score;
 }
 
@@ -237,14 +234,14 @@ absl::StatusOr<std::vector<PlanScore>> UncertaintyGainModel::ScoreGrowingPlan(
   std::vector<PlanScore> scores(scans.size());
   for (PlanScore& score : scores) score.measurable = static_cast<int64_t>(toleranced.size());
   if (toleranced.empty() || scans.empty()) return scores;
-  auto exact = planned_.client->Uncertainties(scans, toleranced, true, {});
-  if (!exact.ok()) return exact.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto exact,
+                             planned_.client->Uncertainties(scans, toleranced, true, {}));
   for (size_t i = 0; i < toleranced.size(); ++i) {
     const float admissible_m = planned_.targets.admissible_uncertainty_m[toleranced[i]];
     const float relaxed_m =
         std::max(admissible_m, static_cast<float>(query_.relaxed_uncertainty_m));
     for (size_t s = 0; s < scans.size(); ++s) {
-      const float u_m = exact->after_each_scan_m[i * scans.size() + s];
+      const float u_m = exact.after_each_scan_m[i * scans.size() + s];
       scores[s].satisfied += u_m <= admissible_m;
       scores[s].relaxed += u_m <= relaxed_m;
     }

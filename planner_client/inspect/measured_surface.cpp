@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 
 #include "core/statistics/covariance_root.h"
+#include "core/status/status_macros.h"
 #include "core/targets/poisson_disk.h"
 
 namespace sightline {
@@ -26,9 +27,7 @@ absl::StatusOr<MeasuredSurface> EstimateSurface(const TriangleMesh& model,
                                                 const Inspection& inspection,
                                                 const MeasuredPart& part, int threads) {
   MeasuredSurface surface;
-  auto targets = SampleTargets(model, inspection.targets);
-  if (!targets.ok()) return targets.status();
-  surface.targets = *std::move(targets);
+  SIGHTLINE_ASSIGN_OR_RETURN(surface.targets, SampleTargets(model, inspection.targets));
   surface.estimates = EstimateDeviations(
       surface.targets, PriorsOf(surface.targets, inspection.targets, *inspection.uncertainty),
       inspection.targets.max_normal_angle_rad, part.ScanPointers(), threads);

@@ -10,6 +10,7 @@
 #include "absl/strings/str_format.h"
 #include "core/catalogue/combination.h"
 #include "core/inspection/inspection.h"
+#include "core/status/status_macros.h"
 #include "core/targets/poisson_disk.h"
 
 namespace sightline {
@@ -136,12 +137,11 @@ absl::Status DraftOptics(const DraftRequest& request, double diameter_m, Inspect
     camera.set_sensor_file(request.camera_file);
     draft->comments["camera"] = absl::StrCat(request.camera->sensor.name, ".");
     if (!request.lens && !request.focal_length_m) {
-      auto lens = ChooseLens(request, diameter_m);
-      if (!lens.ok()) return lens.status();
-      draft->lens = lens->name;
-      DraftLens(*lens, f_number, inspection.mutable_lens());
+      SIGHTLINE_ASSIGN_OR_RETURN(auto lens, ChooseLens(request, diameter_m));
+      draft->lens = lens.name;
+      DraftLens(lens, f_number, inspection.mutable_lens());
       draft->comments["lens"] = absl::StrCat(
-          lens->name,
+          lens.name,
           ": of the catalogue's lenses that fit the camera, the one whose field of view "
           "is nearest to the part's size. Field of view by camera and lens.");
     }
@@ -297,7 +297,7 @@ double SpacingFor(double area_m2) {
 }
 
 absl::StatusOr<InspectionDraft> DraftInspection(const DraftRequest& request) {
-  if (absl::Status status = CheckDevices(request); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(CheckDevices(request));
   InspectionDraft draft;
   v1::Inspection& inspection = draft.inspection;
   FieldComments& comments = draft.comments;

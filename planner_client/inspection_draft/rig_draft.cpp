@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/json/strict_json.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -173,7 +174,7 @@ std::optional<RigKind> RigKindNamed(const std::string& name) {
 
 absl::Status DraftRig(const RigWish& wish, const PartHealth& health, v1::Inspection* inspection,
                       FieldComments* comments) {
-  if (absl::Status status = CheckWish(wish); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(CheckWish(wish));
   v1::Rig& rig = *inspection->mutable_rig();
   v1::MeasurementDomain& domain = *inspection->mutable_measurement();
   if (!wish.stage_moves_in_height) {

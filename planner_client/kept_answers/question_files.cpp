@@ -22,6 +22,7 @@
 #include "core/digest/sha256.h"
 #include "core/file/read_file.h"
 #include "core/json/strict_json.h"
+#include "core/status/status_macros.h"
 #include "sightline/v1/inspection.pb.h"
 
 namespace sightline {
@@ -344,7 +345,7 @@ TextField KindOfTextField(const FieldDescriptor& field) {
 
 absl::StatusOr<std::vector<QuestionFile>> FilesOfInspection(const std::string& inspection_file) {
   v1::Inspection inspection;
-  if (absl::Status read = ReadStrictJsonFile(inspection_file, &inspection); !read.ok()) return read;
+  SIGHTLINE_RETURN_IF_ERROR(ReadStrictJsonFile(inspection_file, &inspection));
   FileList list;
   list.Add("inspection", inspection_file, Contains::kNothingMore);
   list.Walk(inspection, "", fs::path(inspection_file).parent_path());
@@ -359,9 +360,8 @@ absl::StatusOr<FileContents> FileContents::Of(std::vector<QuestionFile> files) {
   FileContents contents;
   contents.files_ = std::move(files);
   for (const QuestionFile& file : contents.files_) {
-    auto digest = ContentDigest(file.path);
-    if (!digest.ok()) return digest.status();
-    contents.digests_.push_back(*std::move(digest));
+    SIGHTLINE_ASSIGN_OR_RETURN(auto digest, ContentDigest(file.path));
+    contents.digests_.push_back(std::move(digest));
   }
   return contents;
 }
@@ -378,9 +378,8 @@ std::string FileContents::Digest() const {
 
 absl::Status FileContents::CheckUnchanged() const {
   for (size_t i = 0; i < files_.size(); ++i) {
-    const auto now = ContentDigest(files_[i].path);
-    if (!now.ok()) return now.status();
-    if (*now == digests_[i]) continue;
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto now, ContentDigest(files_[i].path));
+    if (now == digests_[i]) continue;
     return absl::AbortedError(absl::StrCat(files_[i].path, " (", files_[i].named_by,
                                            "): has changed while it was read; start again"));
   }

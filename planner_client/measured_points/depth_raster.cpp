@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/image/read_raw_image.h"
 #include "core/json/strict_json.h"
+#include "core/status/status_macros.h"
 #include "planner_client/measured_points/point_formats.h"
 #include "sightline/v1/measured_result.pb.h"
 
@@ -20,7 +21,7 @@ absl::StatusOr<MeasuredPoints> ReadDepthRaster(const std::string& path, const Po
   }
   const std::string description = std::filesystem::path(path).replace_extension(".json").string();
   v1::DepthRaster raster;
-  if (absl::Status s = ReadStrictJsonFile(description, &raster); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(ReadStrictJsonFile(description, &raster));
   for (const auto& [name, value] : {std::pair{"column_pitch_m", raster.column_pitch_m()},
                                     std::pair{"row_pitch_m", raster.row_pitch_m()},
                                     std::pair{"depth_per_count_m", raster.depth_per_count_m()}}) {

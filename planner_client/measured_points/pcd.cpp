@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "core/part/mesh_readers.h"
+#include "core/status/status_macros.h"
 #include "planner_client/measured_points/point_formats.h"
 
 namespace sightline {
@@ -202,34 +203,31 @@ absl::Status ReadPcdBinary(std::string_view body, const PcdHeader& header, bool 
 
 absl::StatusOr<MeasuredPoints> ReadPcd(std::string_view bytes, int64_t most_points) {
   size_t begin = 0;
-  auto lines = ReadPcdLines(bytes, &begin);
-  if (!lines.ok()) return lines.status();
-  const auto header = ParsePcdHeader(*lines);
-  if (!header.ok()) return header.status();
-  if (header->points > static_cast<uint64_t>(most_points)) {
-    return PcdError(absl::StrCat("has ", header->points, " points, at most ", most_points,
+  SIGHTLINE_ASSIGN_OR_RETURN(auto lines, ReadPcdLines(bytes, &begin));
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto header, ParsePcdHeader(lines));
+  if (header.points > static_cast<uint64_t>(most_points)) {
+    return PcdError(absl::StrCat("has ", header.points, " points, at most ", most_points,
                                  " can be used: thin them out evenly"));
   }
   const std::string_view body = bytes.substr(begin);
   MeasuredPoints points;
   absl::Status read;
-  if (header->data == "ascii") {
-    read = ReadPcdText(body, *header, points);
-  } else if (header->data == "binary") {
-    read = ReadPcdBinary(body, *header, false, points);
-  } else if (header->data == "binary_compressed") {
+  if (header.data == "ascii") {
+    read = ReadPcdText(body, header, points);
+  } else if (header.data == "binary") {
+    read = ReadPcdBinary(body, header, false, points);
+  } else if (header.data == "binary_compressed") {
     uint32_t packed = 0, unpacked = 0;
     if (body.size() < 8) return PcdError("its compressed data are damaged");
     std::memcpy(&packed, body.data(), 4);
     std::memcpy(&unpacked, body.data() + 4, 4);
-    if (packed > body.size() - 8 || unpacked != header->points * header->point_bytes) {
+    if (packed > body.size() - 8 || unpacked != header.points * header.point_bytes) {
       return PcdError("its compressed data are damaged");
     }
-    const auto whole = DecompressLzf(body.substr(8, packed), unpacked);
-    if (!whole.ok()) return whole.status();
-    read = ReadPcdBinary(*whole, *header, true, points);
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto whole, DecompressLzf(body.substr(8, packed), unpacked));
+    read = ReadPcdBinary(whole, header, true, points);
   } else {
-    read = PcdError(absl::StrCat("DATA is ", Excerpt(header->data),
+    read = PcdError(absl::StrCat("DATA is ", Excerpt(header.data),
                                  ", must be ascii, binary or binary_compressed"));
   }
   if (!read.ok()) return read;

@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "core/part/mesh_readers.h"
+#include "core/status/status_macros.h"
 #include "core/text/length_unit.h"
 #include "core/text/number_table.h"
 #include "planner_client/measured_points/point_formats.h"
@@ -64,8 +65,7 @@ absl::StatusOr<MeasuredPoints> ReadProfileCsv(std::string_view text, const std::
   if (end == std::string_view::npos) {
     return absl::InvalidArgumentError(absl::StrCat(path, ": has no points"));
   }
-  const auto columns = FindProfileColumns(text.substr(0, end), path);
-  if (!columns.ok()) return columns.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto columns, FindProfileColumns(text.substr(0, end), path));
   MeasuredPoints points;
   // Points of one profile share the pose of the laser.
   double stage_m = 0;
@@ -73,7 +73,7 @@ absl::StatusOr<MeasuredPoints> ReadProfileCsv(std::string_view text, const std::
   const auto row = [&](int line, const std::vector<double>& values) -> absl::Status {
     std::array<double, 3> v{};
     for (size_t k = 0; k < v.size(); ++k) {
-      const ProfileColumn& column = (*columns)[k];
+      const ProfileColumn& column = columns[k];
       if (column.index >= static_cast<int>(values.size())) {
         return absl::InvalidArgumentError(
             absl::StrCat(path, ": line ", line, " has ", values.size(), " values"));
@@ -93,8 +93,7 @@ absl::StatusOr<MeasuredPoints> ReadProfileCsv(std::string_view text, const std::
   };
   NumberTableRules rules;
   rules.max_numbers = size_t{1} << 28;
-  const absl::Status read = ReadNumberTable(text.substr(end), rules, path, {}, row);
-  if (!read.ok()) return read;
+  SIGHTLINE_RETURN_IF_ERROR(ReadNumberTable(text.substr(end), rules, path, {}, row));
   return points;
 }
 

@@ -8,6 +8,7 @@
 #include "absl/strings/str_join.h"
 #include "core/file/read_file.h"
 #include "core/part/mesh_readers.h"
+#include "core/status/status_macros.h"
 #include "planner_client/measured_points/point_formats.h"
 
 namespace sightline {
@@ -29,18 +30,16 @@ void PutInFrame(const PointFileFrame& frame, PointCloud& cloud) {
 absl::StatusOr<MeasuredPoints> ReadByFormat(const std::string& path, const std::string& suffix,
                                             const PointFileFrame& frame, int64_t most_points) {
   if (suffix == "ply") {
-    auto cloud = LoadPoints(path);
-    if (!cloud.ok()) return cloud.status();
-    PutInFrame(frame, *cloud);
-    return MeasuredPoints{*std::move(cloud), 0};
+    SIGHTLINE_ASSIGN_OR_RETURN(auto cloud, LoadPoints(path));
+    PutInFrame(frame, cloud);
+    return MeasuredPoints{std::move(cloud), 0};
   }
   if (suffix == "png" || suffix == "tif" || suffix == "tiff") {
     return ReadDepthRaster(path, frame, most_points);
   }
-  const auto bytes = ReadRegularFile(path, kMaxPartFileBytes);
-  if (!bytes.ok()) return bytes.status();
-  if (suffix == "csv") return ReadProfileCsv(*bytes, path, frame, most_points);
-  auto points = ReadPcd(*bytes, most_points);
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto bytes, ReadRegularFile(path, kMaxPartFileBytes));
+  if (suffix == "csv") return ReadProfileCsv(bytes, path, frame, most_points);
+  auto points = ReadPcd(bytes, most_points);
   if (!points.ok()) {
     return absl::Status(points.status().code(),
                         absl::StrCat(path, ": ", points.status().message()));
@@ -69,14 +68,13 @@ absl::StatusOr<MeasuredPoints> ReadMeasuredPoints(const std::string& path,
     return absl::InvalidArgumentError(absl::StrCat(
         path, ": points are read from ", absl::StrJoin(MeasuredPointFormats(), ", "), " files"));
   }
-  auto points = ReadByFormat(path, suffix, frame, most_points);
-  if (!points.ok()) return points.status();
-  const auto count = static_cast<int64_t>(points->cloud.positions_m.size());
+  SIGHTLINE_ASSIGN_OR_RETURN(auto points, ReadByFormat(path, suffix, frame, most_points));
+  const auto count = static_cast<int64_t>(points.cloud.positions_m.size());
   if (count == 0) {
     return absl::InvalidArgumentError(absl::StrCat(
         path, ": has no points",
-        points->without_value > 0 ? absl::StrCat("; ", points->without_value, " have no value")
-                                  : ""));
+        points.without_value > 0 ? absl::StrCat("; ", points.without_value, " have no value")
+                                 : ""));
   }
   return points;
 }

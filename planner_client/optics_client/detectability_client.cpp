@@ -14,6 +14,7 @@
 #include "core/file/atomic_write.h"
 #include "core/file/file_lock.h"
 #include "core/file/read_file.h"
+#include "core/status/status_macros.h"
 #include "planner_client/part_files/private_folder.h"
 #include "planner_client/rpc_client/answer_job.h"
 #include "sightline/v1/optics_service.grpc.pb.h"
@@ -86,20 +87,18 @@ absl::StatusOr<v1::DetectabilityTable> KeptDetectability(
     const std::function<absl::StatusOr<v1::DetectabilityTable>()>& ask) {
   const std::string key = KeyOf(worker_build, question);
   const std::string path = (fs::path(folder) / (key + ".table")).string();
-  const auto lock = FileLock::AwaitFile((fs::path(folder) / (key + ".lock")).string(), {});
-  if (!lock.ok()) return lock.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      const auto lock, FileLock::AwaitFile((fs::path(folder) / (key + ".lock")).string(), {}));
   if (auto kept = ReadTable(path)) {
     std::error_code ignored;
     fs::last_write_time(path, fs::file_time_type::clock::now(), ignored);
     return *std::move(kept);
   }
   RemoveUnusedFiles(folder);
-  auto table = ask();
-  if (!table.ok()) return table.status();
-  const std::string bytes = table->SerializeAsString();
-  absl::Status written =
-      WriteFileAtomically(path, absl::StrCat(Sha256Hex(bytes), bytes), kPrivateFile);
-  if (!written.ok()) return written;
+  SIGHTLINE_ASSIGN_OR_RETURN(auto table, ask());
+  const std::string bytes = table.SerializeAsString();
+  SIGHTLINE_RETURN_IF_ERROR(
+      WriteFileAtomically(path, absl::StrCat(Sha256Hex(bytes), bytes), kPrivateFile));
   return table;
 }
 

@@ -5,15 +5,15 @@
 #include <cmath>
 
 #include "core/field_limits/field_checks.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 
 absl::StatusOr<LineDetectionNoise> NoiseOf(const v1::LearnedDetection& learned) {
   v1::Uncertainty uncertainty;
   *uncertainty.mutable_line_detection()->mutable_table() = learned.table();
-  auto model = ParseUncertainty(uncertainty, "learned detection");
-  if (!model.ok()) return model.status();
-  return model->detection;
+  SIGHTLINE_ASSIGN_OR_RETURN(auto model, ParseUncertainty(uncertainty, "learned detection"));
+  return model.detection;
 }
 
 double MeanError(const v1::LearnedDetection& learned) {

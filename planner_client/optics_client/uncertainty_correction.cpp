@@ -12,6 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -143,13 +144,13 @@ absl::StatusOr<VerifiedCorrection> MakeCorrection(const v1::Verification& verifi
                                                   const std::string& channel,
                                                   const std::string& source) {
   VerifiedCorrection verified;
-  const auto by_f_number = ErrorsOfChannel(verification, channel, source, &verified.remarks);
-  if (!by_f_number.ok()) return by_f_number.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto by_f_number,
+                             ErrorsOfChannel(verification, channel, source, &verified.remarks));
   v1::UncertaintyCorrection& correction = verified.errors;
   correction.set_source(source);
   double squares = 0;
   int freedom = 0;
-  for (const auto& [f_number, errors] : *by_f_number) {
+  for (const auto& [f_number, errors] : by_f_number) {
     v1::UncertaintyCorrection::FNumberError* entry = correction.add_by_f_number();
     double sum = 0, own = 0;
     for (const double e : errors) sum += e;

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <utility>
 
+#include "core/status/status_macros.h"
+
 namespace sightline {
 
 absl::StatusOr<Climbed> Climb(
@@ -24,12 +26,11 @@ absl::StatusOr<Climbed> Climb(
       }
       points.push_back(normalise(y));
     }
-    auto values = objective(points);
-    if (!values.ok()) return values.status();
-    const auto top = std::max_element(values->begin(), values->end());
+    SIGHTLINE_ASSIGN_OR_RETURN(auto values, objective(points));
+    const auto top = std::max_element(values.begin(), values.end());
     if (*top >= best.value) {
       step = *top > best.value ? step : step * 0.7;
-      best = {points[static_cast<size_t>(top - values->begin())], *top, true};
+      best = {points[static_cast<size_t>(top - values.begin())], *top, true};
     } else {
       step *= 0.5;
     }

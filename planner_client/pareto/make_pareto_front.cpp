@@ -13,6 +13,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "core/random/random.h"
+#include "core/status/status_macros.h"
 #include "planner_client/pareto/timed_search.h"
 #include "planner_client/strategy/plan_run.h"
 
@@ -37,7 +38,7 @@ class FrontMaker {
 
   absl::StatusOr<ParetoResult> Make() {
     const int64_t evaluations_before = gain_model_.evaluations();
-    if (absl::Status status = AddPlanForGoal(); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(AddPlanForGoal());
     absl::Status status = SweepCounts();
     if (status.ok() && !request_.execution.costs.IsUnit()) status = SweepTimes();
     if (!status.ok() && !Stopped()) return status;
@@ -128,13 +129,12 @@ class FrontMaker {
   absl::Status AddPlanForGoal() {
     const PlannerRequest request = Request(0, kPlanDone, "");
     goal_targets_ = PlanRun(gain_model_, request).goal_targets();
-    auto plan = MakePlan(gain_model_, request);
-    if (!plan.ok()) return plan.status();
-    if (plan->scans.empty()) return NothingSatisfied();
-    plan_stop_reason_ = plan->stop_reason;
-    AddPoint(*plan);
-    AddCandidates(plan->candidates);
-    plan_scans_ = Movable(*plan);
+    SIGHTLINE_ASSIGN_OR_RETURN(auto plan, MakePlan(gain_model_, request));
+    if (plan.scans.empty()) return NothingSatisfied();
+    plan_stop_reason_ = plan.stop_reason;
+    AddPoint(plan);
+    AddCandidates(plan.candidates);
+    plan_scans_ = Movable(plan);
     return absl::OkStatus();
   }
 
@@ -164,11 +164,10 @@ class FrontMaker {
         static_cast<int64_t>(candidates.size()) / scans;
     request.seed = static_cast<int64_t>(
         DeriveSeed(static_cast<uint64_t>(request.seed), 200 + static_cast<uint64_t>(scans)) >> 1);
-    auto plan = MakePlan(gain_model_, request);
-    if (!plan.ok()) return plan.status();
-    AddPoint(*plan);
-    AddCandidates(plan->candidates);
-    return Movable(*plan);
+    SIGHTLINE_ASSIGN_OR_RETURN(auto plan, MakePlan(gain_model_, request));
+    AddPoint(plan);
+    AddCandidates(plan.candidates);
+    return Movable(plan);
   }
 
   absl::Status SweepCounts() {
@@ -178,27 +177,23 @@ class FrontMaker {
         base, std::min(request_.plan.goal.max_scans, base + std::max(kFurtherScans, base / 4)));
     const double step = (kCountsDone - kPlanDone) / (most - least + 1);
     double done = kPlanDone;
-    auto same = MostWith(base, plan_scans_, done, done + step);
-    if (!same.ok()) return same.status();
-    std::vector<Measurement> scans = *same;
+    SIGHTLINE_ASSIGN_OR_RETURN(auto same, MostWith(base, plan_scans_, done, done + step));
+    std::vector<Measurement> scans = same;
     for (int count = base - 1; count >= least; --count) {
       // The scan that adds least comes last in a plan.
       if (static_cast<int>(locked() + scans.size()) > count) {
         scans.resize(static_cast<size_t>(count) - locked());
       }
       done += step;
-      auto fewer = MostWith(count, scans, done, done + step);
-      if (!fewer.ok()) return fewer.status();
-      scans = *std::move(fewer);
+      SIGHTLINE_ASSIGN_OR_RETURN(scans, MostWith(count, scans, done, done + step));
     }
-    scans = *same;
+    scans = same;
     for (int count = base + 1; count <= most; ++count) {
       const int64_t before = found_.back().Claimed();
       done += step;
-      auto more = MostWith(count, scans, done, done + step);
-      if (!more.ok()) return more.status();
+      SIGHTLINE_ASSIGN_OR_RETURN(auto more, MostWith(count, scans, done, done + step));
       if (count > base + 1 && found_.back().Claimed() <= before) break;
-      scans = *std::move(more);
+      scans = std::move(more);
     }
     return absl::OkStatus();
   }
@@ -276,9 +271,8 @@ class FrontMaker {
       return run.Stopped() ? absl::CancelledError("stopped") : scans.status();
     }
     if (scans->empty() && locked() == 0) return absl::OkStatus();
-    auto plan = run.Finish(*scans, StopReason::kStalled);
-    if (!plan.ok()) return plan.status();
-    AddPoint(*plan);
+    SIGHTLINE_ASSIGN_OR_RETURN(auto plan, run.Finish(*scans, StopReason::kStalled));
+    AddPoint(plan);
     return absl::OkStatus();
   }
 
@@ -304,22 +298,20 @@ class FrontMaker {
     }
     const auto candidates = Candidates(kTimedCandidates);
     known.insert(known.end(), candidates.begin(), candidates.end());
-    if (absl::Status status = search.Start(known); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(search.Start(known));
 
     for (int i = request_.time_limits; i >= 1; --i) {
       const double limit_s = longest_s * i / request_.time_limits;
       fraction = kCountsDone +
                  (kTimesDone - kCountsDone) * (request_.time_limits - i) / request_.time_limits;
       where = absl::StrFormat("front, most within %.1f s: ", limit_s);
-      auto status = AddWithin(search, run, limit_s, MostScans(), true);
-      if (!status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(AddWithin(search, run, limit_s, MostScans(), true));
       // Fewer scans in the same time, where they would take longer if they might.
       const size_t least = MostSatisfiedScans(limit_s);
       for (size_t count = std::max<size_t>(1, least) - 1; count > locked(); --count) {
         if (HasPlanWithin(count, limit_s)) break;
         where = absl::StrFormat("front, most with %d within %.1f s: ", count, limit_s);
-        status = AddWithin(search, run, limit_s, count, false);
-        if (!status.ok()) return status;
+        SIGHTLINE_RETURN_IF_ERROR(AddWithin(search, run, limit_s, count, false));
       }
     }
     fraction = kTimesDone;
@@ -328,10 +320,7 @@ class FrontMaker {
       if (quickest == nullptr) break;
       const double before_s = quickest->time.Total_s();
       where = absl::StrFormat("front, the goal in less than %.1f s: ", before_s);
-      if (absl::Status status = AddWithin(search, run, kQuicker * before_s, MostScans(), true);
-          !status.ok()) {
-        return status;
-      }
+      SIGHTLINE_RETURN_IF_ERROR(AddWithin(search, run, kQuicker * before_s, MostScans(), true));
       if (!found_.back().reaches_goal) break;
     }
     return absl::OkStatus();

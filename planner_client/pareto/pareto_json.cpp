@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "core/json/strict_json.h"
+#include "core/status/status_macros.h"
 #include "core/text/number_text.h"
 #include "planner_client/plan_file/part_of_plan.h"
 
@@ -180,21 +181,19 @@ v1::ParetoFront ParetoToProto(const ParetoResult& result, const ParetoTask& task
 
 absl::Status CheckPareto(const v1::ParetoFront& front, const ParetoTask& task,
                          const std::string& path, std::string* remark) {
-  const auto other_rule = CheckPlanBelongsToPart(path, front.part_digest(), task.part_digest,
-                                                 task.part_file, OtherPart::kRefused);
-  if (!other_rule.ok()) return other_rule.status();
-  if (remark != nullptr) *remark = *other_rule;
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto other_rule,
+                             CheckPlanBelongsToPart(path, front.part_digest(), task.part_digest,
+                                                    task.part_file, OtherPart::kRefused));
+  if (remark != nullptr) *remark = other_rule;
   // The digest of a scene contains that of its part.
-  if (other_rule->empty() && front.scene_digest() != task.scene_digest) {
+  if (other_rule.empty() && front.scene_digest() != task.scene_digest) {
     return Differs(
         path, "scene_digest", Quoted(front.scene_digest()),
         Quoted(task.scene_digest) +
             ": the front is of another inspection (rig, targets, obstacles) or was made with "
             "other --field-directions");
   }
-  if (absl::Status status = CheckCosts(front.costs(), task.costs, path); !status.ok()) {
-    return status;
-  }
+  SIGHTLINE_RETURN_IF_ERROR(CheckCosts(front.costs(), task.costs, path));
   if (front.for_uncertainty() != task.for_uncertainty) {
     return Differs(path, "for_uncertainty", front.for_uncertainty() ? "true" : "false",
                    task.for_uncertainty ? "true: the inspection's goal is goal.admissible"
@@ -210,9 +209,7 @@ absl::Status CheckPareto(const v1::ParetoFront& front, const ParetoTask& task,
   }
   if (front.points_size() == 0) return Differs(path, "points", "empty", "at least one point");
   for (int i = 0; i < front.points_size(); ++i) {
-    if (absl::Status status = CheckPoint(front.points(i), i, task, path); !status.ok()) {
-      return status;
-    }
+    SIGHTLINE_RETURN_IF_ERROR(CheckPoint(front.points(i), i, task, path));
   }
   return absl::OkStatus();
 }

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "core/status/status_macros.h"
 #include "planner_client/optimise/climb.h"
 #include "planner_client/optimise/maximise.h"
 #include "planner_client/strategy/top_points.h"
@@ -32,9 +33,8 @@ absl::StatusOr<std::vector<double>> TimedSearch::EstimatedS(std::span<const Meas
     for (const Measurement& scan : scans) seconds.push_back(ScanS(estimate_(scan)));
     return seconds;
   }
-  auto exact = run_.Exact(scans);
-  if (!exact.ok()) return exact.status();
-  for (const ScanCoverage* scan : *exact) {
+  SIGHTLINE_ASSIGN_OR_RETURN(auto exact, run_.Exact(scans));
+  for (const ScanCoverage* scan : exact) {
     seconds.push_back(ScanS({scan->first_frame, scan->last_frame}));
   }
   return seconds;
@@ -51,12 +51,10 @@ absl::StatusOr<std::vector<std::optional<size_t>>> TimedSearch::Add(
     }
   }
   if (!missing.empty()) {
-    auto coverage = run_.gain_model().FastCoverage(missing);
-    if (!coverage.ok()) return coverage.status();
-    auto seconds = EstimatedS(missing);
-    if (!seconds.ok()) return seconds.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(auto coverage, run_.gain_model().FastCoverage(missing));
+    SIGHTLINE_ASSIGN_OR_RETURN(auto seconds, EstimatedS(missing));
     for (size_t i = 0; i < missing.size(); ++i) {
-      ScanCoverage& c = (*coverage)[i];
+      ScanCoverage& c = coverage[i];
       const bool feasible = c.feasibility == ScanFeasibility::kFeasible;
       if (!feasible && !even_if_infeasible) continue;
       Scan scan{run_.space().ToUnit(missing[i]), {}, false};
@@ -66,7 +64,7 @@ absl::StatusOr<std::vector<std::optional<size_t>>> TimedSearch::Add(
       index_of_[ToArray(missing[i])] = pool_.Add(scan.shares);
       scans_.push_back(std::move(scan));
       measurements_.push_back(missing[i]);
-      scan_s_.push_back((*seconds)[i]);
+      scan_s_.push_back(seconds[i]);
     }
   }
   for (size_t i = 0; i < scans.size(); ++i) {
@@ -84,8 +82,7 @@ std::vector<float> TimedSearch::KnownFrom(const PoolPlan& plan) const {
 }
 
 absl::Status TimedSearch::Start(std::span<const Measurement> candidates) {
-  auto locked = Add(run_.request().locked, true);
-  if (!locked.ok()) return locked.status();
+  SIGHTLINE_RETURN_IF_ERROR(Add(run_.request().locked, true).status());
   return Add(candidates).status();
 }
 
@@ -101,16 +98,14 @@ BatchObjective TimedSearch::Timed(const BatchObjective& gain, const std::vector<
                                   const std::function<double(double gain, double added_s)>& worth) {
   return [=, this, &top](
              std::span<const std::vector<double>> points) -> absl::StatusOr<std::vector<double>> {
-    auto values = gain(points);
-    if (!values.ok()) return values.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(auto values, gain(points));
     std::vector<Measurement> scans;
     for (const auto& x : points) scans.push_back(run_.space().ToMeasurement(x));
-    const auto seconds = EstimatedS(scans);
-    if (!seconds.ok()) return seconds.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto seconds, EstimatedS(scans));
     for (size_t i = 0; i < points.size(); ++i) {
-      double& value = (*values)[i];
+      double& value = values[i];
       if (value <= 0) continue;
-      const double added_s = Choice().AddedS(order, fixed_, scans[i], (*seconds)[i]);
+      const double added_s = Choice().AddedS(order, fixed_, scans[i], seconds[i]);
       value = added_s > left_s ? -1 : worth(value, added_s);
       if (value > 0) top.Add(run_.space().Normalise(points[i]), value);
     }
@@ -134,21 +129,20 @@ absl::Status TimedSearch::Polish(PoolPlan& plan, size_t place, double limit_s,
         return value - kTieBreak * std::max(0.0, added_s) / std::max(left_s, kLeastTimeInSearch_s);
       });
   std::vector<double> x = scans_[plan[place]].x;
-  const auto own = objective(std::span(&x, 1));
-  if (!own.ok()) return own.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto own, objective(std::span(&x, 1)));
   const int64_t batches = std::max<int64_t>(1, evaluations / kClimbBatch);
-  const auto climbed = Climb(
-      std::move(x), own->front(), batches, objective,
-      [this](std::span<const double> y) { return run_.space().Normalise(y); }, random_);
-  if (!climbed.ok()) return climbed.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      const auto climbed,
+      Climb(
+          std::move(x), own.front(), batches, objective,
+          [this](std::span<const double> y) { return run_.space().Normalise(y); }, random_));
   std::vector<Measurement> found;
   for (const auto& entry : top.entries()) found.push_back(run_.space().ToMeasurement(entry.x));
-  if (climbed->moved) found.push_back(run_.space().ToMeasurement(climbed->x));
-  const auto indices = Add(found);
-  if (!indices.ok()) return indices.status();
-  if (climbed->moved && climbed->value > 0 && indices->back() &&
-      std::find(plan.begin(), plan.end(), *indices->back()) == plan.end()) {
-    plan[place] = *indices->back();
+  if (climbed.moved) found.push_back(run_.space().ToMeasurement(climbed.x));
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto indices, Add(found));
+  if (climbed.moved && climbed.value > 0 && indices.back() &&
+      std::find(plan.begin(), plan.end(), *indices.back()) == plan.end()) {
+    plan[place] = *indices.back();
   }
   return absl::OkStatus();
 }
@@ -172,9 +166,9 @@ absl::Status TimedSearch::SearchForSecond(const PoolPlan& plan, double limit_s,
   MaximiseOptions options;
   options.periodic = run_.space().periodic();
   options.population = kSwarm;
-  const auto best = Maximise(Method::kParticleSwarm, run_.space().dimension(), objective,
-                             std::max<int64_t>(1, evaluations), random_.Bits(), options);
-  if (!best.ok()) return best.status();
+  SIGHTLINE_RETURN_IF_ERROR(Maximise(Method::kParticleSwarm, run_.space().dimension(), objective,
+                                     std::max<int64_t>(1, evaluations), random_.Bits(), options)
+                                .status());
   std::vector<Measurement> found;
   for (const auto& entry : top.entries()) found.push_back(run_.space().ToMeasurement(entry.x));
   return Add(found).status();
@@ -183,11 +177,10 @@ absl::Status TimedSearch::SearchForSecond(const PoolPlan& plan, double limit_s,
 absl::Status TimedSearch::MakeExact(PoolPlan& plan) {
   std::vector<Measurement> scans;
   for (const size_t scan : plan) scans.push_back(measurements_[scan]);
-  const auto exact = run_.Exact(scans);
-  if (!exact.ok()) return exact.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto exact, run_.Exact(scans));
   PoolPlan kept;
   for (size_t i = 0; i < plan.size(); ++i) {
-    const ScanCoverage& coverage = *(*exact)[i];
+    const ScanCoverage& coverage = *exact[i];
     if (coverage.feasibility != ScanFeasibility::kFeasible && i >= fixed_) {
       scans_[plan[i]].shares = {};
       pool_.Empty(plan[i]);
@@ -204,12 +197,11 @@ absl::StatusOr<PoolPlan> TimedSearch::Begin(double limit_s, std::span<const Meas
                                             size_t most_scans) {
   PoolPlan plan;
   for (size_t scan = 0; scan < fixed_; ++scan) plan.push_back(scan);
-  const auto given = Add(start);
-  if (!given.ok()) return given.status();
-  for (const auto& index : *given) {
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto given, Add(start));
+  for (const auto& index : given) {
     if (index && std::find(plan.begin(), plan.end(), *index) == plan.end()) plan.push_back(*index);
   }
-  if (absl::Status status = MakeExact(plan); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(MakeExact(plan));
   Choice().Shorten(plan, fixed_, limit_s);
   ImproveFromPool(plan, limit_s, most_scans);
   return plan;
@@ -220,24 +212,22 @@ absl::StatusOr<std::vector<Measurement>> TimedSearch::MostWithin(
     int64_t evaluations) {
   PoolPlan plan;
   for (size_t i = 0; i < std::max<size_t>(1, starts.size()); ++i) {
-    auto begun =
-        Begin(limit_s, starts.empty() ? std::vector<Measurement>{} : starts[i], most_scans);
-    if (!begun.ok()) return begun.status();
-    if (i == 0 || Worth(*begun) > Worth(plan)) plan = *std::move(begun);
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        auto begun,
+        Begin(limit_s, starts.empty() ? std::vector<Measurement>{} : starts[i], most_scans));
+    if (i == 0 || Worth(begun) > Worth(plan)) plan = std::move(begun);
   }
 
   const int64_t before = run_.evaluations();
   bool going = evaluations > 0;
   if (going) {
-    const absl::Status status = SearchForSecond(plan, limit_s, evaluations / 4);
-    if (!status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(SearchForSecond(plan, limit_s, evaluations / 4));
     ImproveFromPool(plan, limit_s, most_scans);
   }
   while (going && plan.size() > fixed_) {
     const double worth = Worth(plan);
     for (size_t place = fixed_; place < plan.size() && going; ++place) {
-      const absl::Status status = Polish(plan, place, limit_s, kPolishBatches * kClimbBatch);
-      if (!status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(Polish(plan, place, limit_s, kPolishBatches * kClimbBatch));
       going = run_.evaluations() - before < evaluations;
     }
     ImproveFromPool(plan, limit_s, most_scans);
@@ -246,13 +236,13 @@ absl::StatusOr<std::vector<Measurement>> TimedSearch::MostWithin(
 
   for (int correction = 0; correction < kMaxCorrections; ++correction) {
     const size_t size = plan.size();
-    if (absl::Status status = MakeExact(plan); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(MakeExact(plan));
     if (plan.size() == size && Choice().TimeS(plan, fixed_) <= limit_s) break;
     Choice().Shorten(plan, fixed_, limit_s);
     ImproveFromPool(plan, limit_s, most_scans);
   }
   // A plan that is still too long after so many corrections loses its weakest scans.
-  if (absl::Status status = MakeExact(plan); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(MakeExact(plan));
   Choice().Shorten(plan, fixed_, limit_s);
   std::vector<Measurement> scans;
   for (size_t place = fixed_; place < plan.size(); ++place) {

@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "core/part/load_part.h"
+#include "core/status/status_macros.h"
 #include "core/text/printable.h"
 #include "planner_client/part_files/step_mesh.h"
 
@@ -53,25 +54,23 @@ std::string PartFileEndings() {
 
 absl::StatusOr<MeshFile> MeshFileOf(const std::string& path, const std::string& unit,
                                     const PartFileOptions& options) {
-  if (absl::Status checked = CheckOptions(path, options); !checked.ok()) return checked;
+  SIGHTLINE_RETURN_IF_ERROR(CheckOptions(path, options));
   if (!IsStepFile(path)) return MeshFile{path, unit};
-  auto mesh = MeshStepPart(path, unit, options);
-  if (!mesh.ok()) return mesh.status();
-  return MeshFile{std::move(mesh->file), ""};
+  SIGHTLINE_ASSIGN_OR_RETURN(auto mesh, MeshStepPart(path, unit, options));
+  return MeshFile{std::move(mesh.file), ""};
 }
 
 absl::StatusOr<TriangleMesh> LoadPartFile(const std::string& path, const std::string& unit,
                                           const PartFileOptions& options) {
-  if (absl::Status checked = CheckOptions(path, options); !checked.ok()) return checked;
+  SIGHTLINE_RETURN_IF_ERROR(CheckOptions(path, options));
   if (!IsStepFile(path)) {
     auto part = LoadPart(path, unit);
     if (part.ok()) Say(path, part->remarks, options);
     return part;
   }
-  const auto mesh = MeshStepPart(path, unit, options);
-  if (!mesh.ok()) return mesh.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto mesh, MeshStepPart(path, unit, options));
   // People know the STEP file, not where its mesh is kept.
-  return LoadPartFromMemory(mesh->glb, "glb", "", path, {}, kStepUnitAdvice);
+  return LoadPartFromMemory(mesh.glb, "glb", "", path, {}, kStepUnitAdvice);
 }
 
 bool NeedsPartUnit(const std::string& path) {

@@ -18,6 +18,7 @@
 #include "absl/cleanup/cleanup.h"
 #include "absl/strings/str_cat.h"
 #include "core/process_folder/process_folder.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -74,12 +75,11 @@ absl::StatusOr<std::string> UserCacheFolder(const std::string& name) {
   static std::optional<ProcessFolder> own;
   const std::lock_guard lock(mutex);
   if (!own) {
-    auto made = ProcessFolder::Make(TemporaryBase(), "sightline-cache");
-    if (!made.ok()) return made.status();
-    own.emplace(*std::move(made));
+    SIGHTLINE_ASSIGN_OR_RETURN(auto made, ProcessFolder::Make(TemporaryBase(), "sightline-cache"));
+    own.emplace(std::move(made));
   }
   const std::string folder = absl::StrCat(own->path(), "/", name);
-  if (absl::Status s = MakePrivateFolder(folder); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(MakePrivateFolder(folder));
   return folder;
 }
 

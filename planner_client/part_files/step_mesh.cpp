@@ -15,6 +15,7 @@
 #include "core/file/atomic_write.h"
 #include "core/file/file_lock.h"
 #include "core/file/read_file.h"
+#include "core/status/status_macros.h"
 #include "planner_client/part_files/private_folder.h"
 
 namespace sightline {
@@ -30,12 +31,10 @@ constexpr char kRecordRule[] = "sightline step mesh 2";
 constexpr char kRemarkLine[] = "remark: ";
 
 absl::StatusOr<std::string> KeyOfMesh(const StepFile& file, const StepMeshOptions& options) {
-  const auto program = FindStepProgram(file.path(), options.program);
-  if (!program.ok()) return program.status();
-  const auto importer = DigestOfFile(*program);
-  if (!importer.ok()) return importer.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto program, FindStepProgram(file.path(), options.program));
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto importer, DigestOfFile(program));
   // The mesh names the file that it was made of.
-  return Sha256Hex(absl::StrCat(kRecordRule, "\n", file.sha256(), "\n", importer->sha256, "\n",
+  return Sha256Hex(absl::StrCat(kRecordRule, "\n", file.sha256(), "\n", importer.sha256, "\n",
                                 options.unit, "\n", options.construction_geometry, "\n",
                                 fs::path(file.path()).filename().string()));
 }
@@ -88,20 +87,16 @@ class KeptMesh {
   }
 
   absl::StatusOr<StepMesh> Make(const StepFile& file, const StepMeshOptions& options) const {
-    auto unfinished = UnfinishedFile::Make(glb_, kPrivateFile);
-    if (!unfinished.ok()) return unfinished.status();
-    std::vector<std::string> arguments = {"--out", unfinished->temporary_path()};
+    SIGHTLINE_ASSIGN_OR_RETURN(auto unfinished, UnfinishedFile::Make(glb_, kPrivateFile));
+    std::vector<std::string> arguments = {"--out", unfinished.temporary_path()};
     if (!options.unit.empty()) arguments.insert(arguments.end(), {"--unit", options.unit});
     if (options.construction_geometry) arguments.emplace_back("--construction-geometry");
-    const auto said = RunStepImport(file, arguments, options.program);
-    if (!said.ok()) return said.status();
-    auto glb = ReadRegularFile(unfinished->temporary_path(), kMaxGlbBytes);
-    if (!glb.ok()) return glb.status();
-    StepMesh mesh{glb_, *std::move(glb), RemarksAmong(*said)};
-    if (absl::Status s = unfinished->Commit(); !s.ok()) return s;
-    if (absl::Status s = WriteFileAtomically(record_, RecordOf(mesh), kPrivateFile); !s.ok()) {
-      return s;
-    }
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto said, RunStepImport(file, arguments, options.program));
+    SIGHTLINE_ASSIGN_OR_RETURN(auto glb,
+                               ReadRegularFile(unfinished.temporary_path(), kMaxGlbBytes));
+    StepMesh mesh{glb_, std::move(glb), RemarksAmong(said)};
+    SIGHTLINE_RETURN_IF_ERROR(unfinished.Commit());
+    SIGHTLINE_RETURN_IF_ERROR(WriteFileAtomically(record_, RecordOf(mesh), kPrivateFile));
     return mesh;
   }
 
@@ -115,7 +110,7 @@ absl::StatusOr<std::string> CacheFolder(const std::string& given) {
     folder = value;
   }
   if (!folder.empty()) {
-    if (absl::Status s = MakePrivateFolder(folder); !s.ok()) return s;
+    SIGHTLINE_RETURN_IF_ERROR(MakePrivateFolder(folder));
     return folder;
   }
   return UserCacheFolder("step");
@@ -124,22 +119,19 @@ absl::StatusOr<std::string> CacheFolder(const std::string& given) {
 }  // namespace
 
 absl::StatusOr<StepMesh> MeshOfStepFile(const std::string& file, const StepMeshOptions& options) {
-  const auto step = StepFile::Read(file);
-  if (!step.ok()) return step.status();
-  const auto key = KeyOfMesh(*step, options);
-  if (!key.ok()) return key.status();
-  const auto folder = CacheFolder(options.cache_folder);
-  if (!folder.ok()) return folder.status();
-  const auto lock = FileLock::AwaitFile((fs::path(*folder) / (*key + ".lock")).string(), {});
-  if (!lock.ok()) return lock.status();
-  const KeptMesh kept(*folder, *key);
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto step, StepFile::Read(file));
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto key, KeyOfMesh(step, options));
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto folder, CacheFolder(options.cache_folder));
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      const auto lock, FileLock::AwaitFile((fs::path(folder) / (key + ".lock")).string(), {}));
+  const KeptMesh kept(folder, key);
   bool damaged = false;
   if (auto mesh = kept.Read(&damaged)) {
     kept.Touch();
     return *std::move(mesh);
   }
-  RemoveUnusedFiles(*folder);
-  auto made = kept.Make(*step, options);
+  RemoveUnusedFiles(folder);
+  auto made = kept.Make(step, options);
   if (made.ok() && damaged) {
     made->remarks.push_back(
         absl::StrCat("the kept mesh ", kept.glb_path(), " was damaged and has been made again"));

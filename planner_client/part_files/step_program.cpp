@@ -24,6 +24,7 @@
 #include "core/part/load_part.h"
 #include "core/process/program_path.h"
 #include "core/process/run_program.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -81,8 +82,7 @@ absl::StatusOr<std::string> FindStepProgram(const std::string& file,
 }
 
 absl::StatusOr<StepFile> StepFile::Read(const std::string& path) {
-  const absl::StatusOr<File> file = OpenRegularFile(path);
-  if (!file.ok()) return file.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const File file, OpenRegularFile(path));
   StepFile read(path, memfd_create("sightline-step", MFD_CLOEXEC));
   if (read.descriptor_ < 0) {
     return absl::ResourceExhaustedError(
@@ -91,7 +91,7 @@ absl::StatusOr<StepFile> StepFile::Read(const std::string& path) {
   Sha256 digest;
   uint64_t total = 0;
   std::vector<char> buffer(size_t{1} << 20);
-  while (const size_t got = std::fread(buffer.data(), 1, buffer.size(), file->get())) {
+  while (const size_t got = std::fread(buffer.data(), 1, buffer.size(), file.get())) {
     total += got;
     if (total > kMaxStepBytes) {
       return absl::InvalidArgumentError(absl::StrCat(path, ": larger than 2 GiB"));
@@ -101,7 +101,7 @@ absl::StatusOr<StepFile> StepFile::Read(const std::string& path) {
       return absl::Status(s.code(), absl::StrCat(path, ": ", s.message()));
     }
   }
-  if (std::ferror(file->get()) != 0) {
+  if (std::ferror(file.get()) != 0) {
     return absl::InvalidArgumentError(absl::StrCat(path, ": cannot be read"));
   }
   read.sha256_ = digest.Hex();
@@ -115,18 +115,16 @@ StepFile::~StepFile() {
 absl::StatusOr<std::string> RunStepImport(const std::string& file,
                                           const std::vector<std::string>& arguments,
                                           const StepProgramOptions& options) {
-  const auto read = StepFile::Read(file);
-  if (!read.ok()) return read.status();
-  return RunStepImport(*read, arguments, options);
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto read, StepFile::Read(file));
+  return RunStepImport(read, arguments, options);
 }
 
 absl::StatusOr<std::string> RunStepImport(const StepFile& step,
                                           const std::vector<std::string>& arguments,
                                           const StepProgramOptions& options) {
   const std::string& file = step.path();
-  const auto program = FindStepProgram(file, options);
-  if (!program.ok()) return program.status();
-  std::vector<std::string> all = {*program, "-", absl::StrCat("--name=", file)};
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto program, FindStepProgram(file, options));
+  std::vector<std::string> all = {program, "-", absl::StrCat("--name=", file)};
   all.insert(all.end(), arguments.begin(), arguments.end());
   if (lseek(step.descriptor(), 0, SEEK_SET) != 0) {
     return absl::InternalError(absl::StrCat(file, ": ", std::strerror(errno)));

@@ -6,6 +6,7 @@
 
 #include "core/random/random.h"
 #include "core/statistics/order_statistics.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -61,11 +62,10 @@ absl::StatusOr<double> PlacementCoverage(const PlacementModel& model,
     const std::vector<ScanDisplacement> drawn = draws.Draw(kSeed, static_cast<uint32_t>(d));
     displacements.insert(displacements.end(), drawn.begin(), drawn.end());
   }
-  auto answers = evaluate(measurements, displacements);
-  if (!answers.ok()) return answers.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto answers, evaluate(measurements, displacements));
   std::vector<std::vector<TargetBits>> covered(static_cast<size_t>(count));
-  for (size_t i = 0; i < answers->size(); ++i) {
-    covered[i / scans.size()].push_back(std::move((*answers)[i].covered));
+  for (size_t i = 0; i < answers.size(); ++i) {
+    covered[i / scans.size()].push_back(std::move(answers[i].covered));
   }
   const int64_t at_quantile = LowerQuantile(
       CombineExecutions(covered, draws.group_ends(), kPlacementExecutions), kQuantile);

@@ -6,6 +6,7 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -68,14 +69,14 @@ absl::StatusOr<std::vector<std::string>> GivenPlans::CheckBelongTo(
     const PartDigest& part, const std::string& part_file) const {
   std::vector<std::string> remarks;
   for (const Plan& plan : plans) {
-    auto remark =
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        auto remark,
         CheckPlanBelongsToPart(plan.file, plan.part_digest, part, part_file,
-                               other_part ? OtherPart::kTaken : OtherPart::kRefusedWithoutOption);
-    if (!remark.ok()) return remark.status();
-    if (remark->empty() || std::find(remarks.begin(), remarks.end(), *remark) != remarks.end()) {
+                               other_part ? OtherPart::kTaken : OtherPart::kRefusedWithoutOption));
+    if (remark.empty() || std::find(remarks.begin(), remarks.end(), remark) != remarks.end()) {
       continue;
     }
-    remarks.push_back(*std::move(remark));
+    remarks.push_back(std::move(remark));
   }
   return remarks;
 }

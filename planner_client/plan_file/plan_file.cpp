@@ -7,12 +7,13 @@
 #include "absl/strings/str_format.h"
 #include "core/inspection/inspection.h"
 #include "core/json/strict_json.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 
 absl::StatusOr<PlanFileScans> ReadPlanScans(const std::string& path, GivenPlans* given) {
   PlanFileScans scans;
-  if (absl::Status status = ReadStrictJsonFile(path, &scans.plan); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(ReadStrictJsonFile(path, &scans.plan));
   if (scans.plan.scans_size() > kMostPlanScans) {
     return absl::InvalidArgumentError(absl::StrCat(path, ": scans has ", scans.plan.scans_size(),
                                                    " entries, at most ", kMostPlanScans,

@@ -12,6 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/process_folder/process_folder.h"
 #include "core/sensor/sensor.h"
+#include "core/status/status_macros.h"
 #include "planner_client/raw_image/raw_png.h"
 #include "planner_client/render_client/render_client.h"
 
@@ -79,9 +80,8 @@ v1::RenderSpec DraftSpec(const v1::Inspection& inspection, const v1::PartFrame& 
 
 absl::StatusOr<DraftPicture> PictureOfRaw(const std::string& file, int bit_depth_bit,
                                           double black_dn, bool bayer) {
-  const auto read = ReadRawPng(file, kMostPixels);
-  if (!read.ok()) return read.status();
-  const RawPng& raw = *read;
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto read, ReadRawPng(file, kMostPixels));
+  const RawPng& raw = read;
   const int columns = raw.columns_px, rows = raw.rows_px;
   if (columns < 2 || rows < 2) {
     return absl::InternalError(
@@ -116,9 +116,7 @@ absl::StatusOr<DraftPicture> PictureOfRaw(const std::string& file, int bit_depth
   }
   picture.clipped_fraction =
       static_cast<double>(clipped) / static_cast<double>(raw.values_dn.size());
-  auto png = EncodePng(values, columns, rows, bayer);
-  if (!png.ok()) return png.status();
-  picture.png = *std::move(png);
+  SIGHTLINE_ASSIGN_OR_RETURN(picture.png, EncodePng(values, columns, rows, bayer));
   return picture;
 }
 
@@ -133,10 +131,10 @@ DrawDraft DrawWithWorker(v1::Inspection inspection, std::vector<AssetFile> asset
       Task{std::move(inspection), std::move(assets), std::move(worker)});
   return [task](const v1::PartFrame& frame,
                 const std::atomic<bool>& cancelled) -> absl::StatusOr<DraftPicture> {
-    const auto sensor = ParseSensor(task->inspection.camera().sensor(), "camera.sensor");
-    if (!sensor.ok()) return sensor.status();
-    const auto folder = ProcessFolder::Make(TemporaryBase(), "sightline-draft");
-    if (!folder.ok()) return folder.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto sensor,
+                               ParseSensor(task->inspection.camera().sensor(), "camera.sensor"));
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto folder,
+                               ProcessFolder::Make(TemporaryBase(), "sightline-draft"));
     RenderClientOptions client;
     static_cast<ServerAccess&>(client) = task->worker;
     client.interrupted = &cancelled;
@@ -144,16 +142,16 @@ DrawDraft DrawWithWorker(v1::Inspection inspection, std::vector<AssetFile> asset
     client.on_warning = [&](const std::string& warning) { warnings.push_back(warning); };
     int reduction = 1;
     const v1::RenderSpec spec = DraftSpec(task->inspection, frame, kDraftPixels, &reduction);
-    const auto files = RenderToFolder(client, spec, task->assets, folder->path());
+    const auto files = RenderToFolder(client, spec, task->assets, folder.path());
     if (cancelled) return absl::CancelledError("another picture was asked for");
     if (!files.ok()) return files.status();
-    auto picture = PictureOfRaw(
-        folder->path() + "/" + files->front(), sensor->bit_depth_bit,
-        sensor->black_level_dn + sensor->gain_dn_per_electron * sensor->dark_mean_electrons,
-        sensor->colour_filter == ColourFilter::kBayerRggb);
-    if (!picture.ok()) return picture.status();
-    picture->reduction = reduction;
-    picture->warnings = std::move(warnings);
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        auto picture, PictureOfRaw(folder.path() + "/" + files->front(), sensor.bit_depth_bit,
+                                   sensor.black_level_dn +
+                                       sensor.gain_dn_per_electron * sensor.dark_mean_electrons,
+                                   sensor.colour_filter == ColourFilter::kBayerRggb));
+    picture.reduction = reduction;
+    picture.warnings = std::move(warnings);
     return picture;
   };
 }

@@ -18,6 +18,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "core/digest/sha256.h"
+#include "core/status/status_macros.h"
 #include "planner_client/render_client/finished_images.h"
 #include "proto/status/rpc_status.h"
 #include "sightline/v1/render_service.grpc.pb.h"
@@ -61,7 +62,7 @@ class PartialFile {
   }
   absl::Status Commit() {
     stream_.close();
-    if (absl::Status status = Check(); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(Check());
     committed_ = std::rename(temporary_.c_str(), path_.c_str()) == 0;
     return committed_ ? absl::OkStatus() : Error();
   }
@@ -120,9 +121,8 @@ class RenderCall {
       if (!IsPart()) RemovePartialFiles(folder);
       const auto build = WorkerBuild();
       if (!build.ok()) return call_.Explained(build.status(), kInterrupted);
-      auto finished = FinishedImages::Open(options_.checkpoint_file, folder, spec_, *build);
-      if (!finished.ok()) return finished.status();
-      finished_ = *std::move(finished);
+      SIGHTLINE_ASSIGN_OR_RETURN(
+          finished_, FinishedImages::Open(options_.checkpoint_file, folder, spec_, *build));
       for (const std::string& remark : finished_->remarks()) {
         if (options_.on_warning) options_.on_warning(remark);
       }
@@ -212,7 +212,7 @@ class RenderCall {
       }
       const v1::StreamRenderFilesResponse::Header header = response.header();
       PartialFile file(fs::path(folder) / header.file());
-      if (absl::Status status = file.Open(); !status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(file.Open());
       Sha256 hash;
       int64_t left = header.size_bytes();
       while (left > 0) {
@@ -224,16 +224,14 @@ class RenderCall {
               absl::StrCat("the worker sent ", header.file(), " with another size than it said"));
         }
         hash.Update(response.chunk());
-        if (absl::Status status = file.Write(response.chunk()); !status.ok()) return status;
+        SIGHTLINE_RETURN_IF_ERROR(file.Write(response.chunk()));
       }
       if (hash.Hex() != header.sha256()) {
         return absl::DataLossError(absl::StrCat(header.file(), " was damaged on its way"));
       }
       // A set is whole where it has its description: that is for who runs after all parts.
       const bool commits = !IsPart() || header.image() >= 0;
-      if (absl::Status status = commits ? file.Commit() : absl::OkStatus(); !status.ok()) {
-        return status;
-      }
+      SIGHTLINE_RETURN_IF_ERROR(commits ? file.Commit() : absl::OkStatus());
       files->push_back(header.file());
       if (finished_) finished_->AddFile(header.image(), header.file(), header.sha256());
     }

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <utility>
 
+#include "core/status/status_macros.h"
+
 namespace sightline {
 namespace {
 
@@ -110,14 +112,14 @@ absl::StatusOr<MeasuredGainModel::Counts> MeasuredGainModel::Count(
         static_cast<float>(UncertaintyAtDensity(targets.priors[t], needed - density[i])));
   }
   if (!open.empty() && !simulated.empty()) {
-    auto exact = targets.client->Uncertainties(simulated, open, false, enough_m);
-    if (!exact.ok()) return exact.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(auto exact,
+                               targets.client->Uncertainties(simulated, open, false, enough_m));
     for (size_t k = 0; k < open.size(); ++k) {
       // At "enough" the sum is exactly the needed one, despite rounding.
       density[open_at[k]] +=
-          exact->total_m[k] <= enough_m[k]
+          exact.total_m[k] <= enough_m[k]
               ? targets.toleranced.admissible_density[open[k]] - density[open_at[k]]
-              : EquivalentDensity(targets.priors[open[k]], exact->total_m[k]);
+              : EquivalentDensity(targets.priors[open[k]], exact.total_m[k]);
     }
   }
   Counts counts;
@@ -132,17 +134,15 @@ absl::StatusOr<PlanScore> MeasuredGainModel::ScorePlan(std::span<const Measureme
                                                        bool thorough) {
   if (!ScoresPlans()) return gain_model_->ScorePlan(scans, thorough);
   PlanScore score;
-  auto counts = Count(planned_, scans);
-  if (!counts.ok()) return counts.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto counts, Count(planned_, scans));
   score.measurable = planned_.toleranced.bits.Count();
-  score.satisfied = counts->satisfied;
-  score.relaxed = counts->relaxed;
+  score.satisfied = counts.satisfied;
+  score.relaxed = counts.relaxed;
   if (!fresh_) return score;
-  auto fresh = Count(*fresh_, scans);
-  if (!fresh.ok()) return fresh.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto fresh, Count(*fresh_, scans));
   score.validation_measurable = fresh_->toleranced.bits.Count();
-  score.validation_satisfied = fresh->satisfied;
-  score.validation_relaxed = fresh->relaxed;
+  score.validation_satisfied = fresh.satisfied;
+  score.validation_relaxed = fresh.relaxed;
   return score;
 }
 
@@ -151,12 +151,11 @@ absl::StatusOr<std::vector<PlanScore>> MeasuredGainModel::ScoreGrowingPlan(
   if (!ScoresPlans()) return gain_model_->ScoreGrowingPlan(scans);
   std::vector<PlanScore> scores;
   for (size_t count = 1; count <= scans.size(); ++count) {
-    auto counts = Count(planned_, scans.first(count));
-    if (!counts.ok()) return counts.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(auto counts, Count(planned_, scans.first(count)));
     PlanScore& score = scores.emplace_back();
     score.measurable = planned_.toleranced.bits.Count();
-    score.satisfied = counts->satisfied;
-    score.relaxed = counts->relaxed;
+    score.satisfied = counts.satisfied;
+    score.relaxed = counts.relaxed;
   }
   return scores;
 }
@@ -170,9 +169,7 @@ absl::StatusOr<PosteriorUncertainties> MeasuredGainModel::Uncertainties(
   }
   PosteriorUncertainties result;
   if (!simulated.empty()) {
-    auto exact = planned_.client->Uncertainties(simulated, {}, true, {});
-    if (!exact.ok()) return exact.status();
-    result = *std::move(exact);
+    SIGHTLINE_ASSIGN_OR_RETURN(result, planned_.client->Uncertainties(simulated, {}, true, {}));
   } else {
     result.total_m.resize(target_count);
     for (size_t t = 0; t < target_count; ++t) {

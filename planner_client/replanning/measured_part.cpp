@@ -21,6 +21,7 @@
 #include "core/registration/deformed_mesh.h"
 #include "core/rig/scan_geometry.h"
 #include "core/statistics/normal_distribution.h"
+#include "core/status/status_macros.h"
 #include "core/targets/poisson_disk.h"
 #include "planner_client/measured_points/read_points.h"
 #include "planner_client/replanning/misfit.h"
@@ -66,10 +67,9 @@ absl::Status CheckPointCount(const std::string& path, int64_t points, int64_t be
 // The same by the file's header, before its points take memory. LoadPoints refuses files that are
 // no PLY files or damaged.
 absl::Status CheckAnnouncedPoints(const std::string& path, int64_t before) {
-  const absl::StatusOr<File> file = OpenRegularFile(path);
-  if (!file.ok()) return file.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const File file, OpenRegularFile(path));
   std::string start(kMostHeaderBytes, '\0');
-  start.resize(std::fread(start.data(), 1, start.size(), file->get()));
+  start.resize(std::fread(start.data(), 1, start.size(), file.get()));
   TextScanner header(start);
   if (header.WordInLine() != "ply") return absl::OkStatus();
   int64_t points = 0;
@@ -80,9 +80,9 @@ absl::Status CheckAnnouncedPoints(const std::string& path, int64_t before) {
     int64_t count = 0;
     if (!ParseInteger(header.WordInLine(), &count) || count < 0) continue;
     // There may be several: first one by itself, so that the sum does not overflow.
-    if (absl::Status status = CheckPointCount(path, count, before); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(CheckPointCount(path, count, before));
     points += count;
-    if (absl::Status status = CheckPointCount(path, points, before); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(CheckPointCount(path, points, before));
   }
   if (start.size() < kMostHeaderBytes) return absl::OkStatus();
   return absl::InvalidArgumentError(
@@ -190,10 +190,9 @@ std::vector<SurfacePrior> DeviationPriors(const TargetSet& targets, const Target
 absl::Status AddDeviations(const TriangleMesh& model, const Inspection& inspection,
                            const UncertaintyModel& uncertainty, double tolerated_distance_m,
                            int threads, MeasuredPart& part) {
-  auto targets = SampleTargets(model, inspection.targets);
-  if (!targets.ok()) return targets.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto targets, SampleTargets(model, inspection.targets));
   const std::vector<DeviationEstimate> estimates = EstimateDeviations(
-      *targets, DeviationPriors(*targets, inspection.targets, uncertainty, tolerated_distance_m),
+      targets, DeviationPriors(targets, inspection.targets, uncertainty, tolerated_distance_m),
       inspection.targets.max_normal_angle_rad, part.ScanPointers(), threads);
   const auto known = std::count_if(estimates.begin(), estimates.end(),
                                    [](const auto& estimate) { return estimate.points > 0; });
@@ -209,15 +208,15 @@ absl::Status AddDeviations(const TriangleMesh& model, const Inspection& inspecti
     if (estimate.points == 0) continue;
     const double variance_m2 =
         estimate.uncertainty_m * estimate.uncertainty_m +
-        PoseVariance(part.registration, targets->positions_m[t].cast<double>(),
-                     targets->normals[t].cast<double>());
+        PoseVariance(part.registration, targets.positions_m[t].cast<double>(),
+                     targets.normals[t].cast<double>());
     const double uncertainty_m = std::sqrt(variance_m2);
     const bool significant = std::abs(estimate.mean_m) > level * uncertainty_m;
-    part.deviations.push_back({targets->positions_m[t], targets->normals[t],
+    part.deviations.push_back({targets.positions_m[t], targets.normals[t],
                                static_cast<float>(estimate.mean_m),
                                static_cast<float>(uncertainty_m), significant});
-    field.positions_m.push_back(targets->positions_m[t]);
-    field.normals.push_back(targets->normals[t]);
+    field.positions_m.push_back(targets.positions_m[t]);
+    field.normals.push_back(targets.normals[t]);
     field.deviations_m.push_back(significant ? estimate.mean_m : 0);
     if (!significant) continue;
     ++significant_count;
@@ -225,7 +224,7 @@ absl::Status AddDeviations(const TriangleMesh& model, const Inspection& inspecti
     const double surely_m = std::abs(estimate.mean_m) - level * uncertainty_m;
     if (surely_m <= largest_m) continue;
     largest_m = surely_m;
-    *message.mutable_largest_place_m() = VectorToProto(targets->positions_m[t].cast<double>());
+    *message.mutable_largest_place_m() = VectorToProto(targets.positions_m[t].cast<double>());
     message.set_largest_m(estimate.mean_m);
     message.set_largest_uncertainty_m(uncertainty_m);
   }
@@ -318,20 +317,18 @@ absl::StatusOr<AllPoints> ReadAllPoints(const SurfaceIndex& index, const Inspect
   AllPoints all;
   for (const MeasuredFile& file : files) {
     const auto before = static_cast<int64_t>(all.points_m.size());
-    if (absl::Status status = CheckAnnouncedPoints(file.path, before); !status.ok()) return status;
-    auto read = ReadMeasuredPoints(
-        file.path,
-        FrameOf(index.mesh(), inspection, scans[static_cast<size_t>(file.scan)], options),
-        kMostMeasuredPoints - before);
-    if (!read.ok()) return read.status();
-    PointCloud& cloud = read->cloud;
+    SIGHTLINE_RETURN_IF_ERROR(CheckAnnouncedPoints(file.path, before));
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        auto read, ReadMeasuredPoints(file.path,
+                                      FrameOf(index.mesh(), inspection,
+                                              scans[static_cast<size_t>(file.scan)], options),
+                                      kMostMeasuredPoints - before));
+    PointCloud& cloud = read.cloud;
     MeasuredPart::PointCounts& counts = all.counts.emplace_back();
-    counts.without_value = read->without_value;
-    absl::Status status =
-        CheckPointCount(file.path, static_cast<int64_t>(cloud.positions_m.size()), before);
-    if (!status.ok()) return status;
-    status = RemoveDuplicates(file.path, cloud, &counts.duplicates);
-    if (!status.ok()) return status;
+    counts.without_value = read.without_value;
+    SIGHTLINE_RETURN_IF_ERROR(
+        CheckPointCount(file.path, static_cast<int64_t>(cloud.positions_m.size()), before));
+    SIGHTLINE_RETURN_IF_ERROR(RemoveDuplicates(file.path, cloud, &counts.duplicates));
     counts.read = static_cast<int64_t>(cloud.positions_m.size());
     int64_t near = 0;
     const size_t stride = cloud.positions_m.size() / 200 + 1;
@@ -419,9 +416,8 @@ absl::Status AddScan(const SurfaceIndex& index, const Rig& rig, const Uncertaint
                         uncertainty);
   PointsOnModel on_model =
       ProjectOntoModel(index, positions_m, facing, &noise, options.reach_m, options.threads);
-  absl::Status near =
-      CheckDistances(file, on_model, noise, part.registration.pose, options, reason);
-  if (!near.ok()) return near;
+  SIGHTLINE_RETURN_IF_ERROR(
+      CheckDistances(file, on_model, noise, part.registration.pose, options, reason));
   const auto other =
       OtherScanInView(rig, scans, static_cast<size_t>(file.scan), part.placement.centre_m,
                       on_model.positions_m, on_model.normals);
@@ -519,16 +515,16 @@ absl::StatusOr<MeasuredPart> FindMeasuredPart(const TriangleMesh& model,
   RegistrationOptions registering;
   registering.prior = options.prior;
   registering.correlation_length_m = model.BoundingBox().sizes().norm() / 40;
-  auto all = ReadAllPoints(index, inspection, files, scans, options, registering.reach_m);
-  if (!all.ok()) return all.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      auto all, ReadAllPoints(index, inspection, files, scans, options, registering.reach_m));
   const UncertaintyModel uncertainty = inspection.uncertainty.value_or(UncertaintyModel{});
-  auto registration = RegisterAll(index, inspection, uncertainty, files, scans, *all, registering);
-  if (!registration.ok()) return registration.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto registration, RegisterAll(index, inspection, uncertainty, files,
+                                                            scans, all, registering));
 
   MeasuredPart part;
-  part.registration = *std::move(registration);
+  part.registration = std::move(registration);
   part.files = files;
-  part.counts = all->counts;
+  part.counts = all.counts;
   const PartPose& pose = part.registration.pose;
   part.placement.rotation = pose.Rotation();
   part.placement.centre_m = pose.centre_m - pose.Rotation().transpose() * pose.parameters.tail<3>();
@@ -536,21 +532,19 @@ absl::StatusOr<MeasuredPart> FindMeasuredPart(const TriangleMesh& model,
   rig.part_placement = part.placement;
   std::string reason;
   const Misfit misfit = {.residual_m = part.registration.residual_standard_deviation_m,
-                         .fraction_off = FractionOff(index, all->points_m, pose)};
+                         .fraction_off = FractionOff(index, all.points_m, pose)};
   if (misfit.residual_m > kSuspicious_m || misfit.fraction_off > kSuspiciousFractionOff) {
-    reason = LikelyMisfit(index, all->points_m, options.prior, misfit);
+    reason = LikelyMisfit(index, all.points_m, options.prior, misfit);
   }
   const Eigen::Isometry3d to_model = pose.Matrix().inverse();
-  for (Eigen::Vector3d& position : all->points_m) position = to_model * position;
-  for (Eigen::Vector3d& normal : all->normals) normal = to_model.linear() * normal;
+  for (Eigen::Vector3d& position : all.points_m) position = to_model * position;
+  for (Eigen::Vector3d& normal : all.normals) normal = to_model.linear() * normal;
   for (size_t f = 0; f < files.size(); ++f) {
-    absl::Status added = AddScan(index, rig, uncertainty, scans, f, all->OfFile(all->points_m, f),
-                                 all->OfFile(all->normals, f), options, reason, part);
-    if (!added.ok()) return added;
+    SIGHTLINE_RETURN_IF_ERROR(AddScan(index, rig, uncertainty, scans, f,
+                                      all.OfFile(all.points_m, f), all.OfFile(all.normals, f),
+                                      options, reason, part));
   }
-  if (absl::Status status = CheckPose(part.registration, files, options); !status.ok()) {
-    return status;
-  }
+  SIGHTLINE_RETURN_IF_ERROR(CheckPose(part.registration, files, options));
   if (!reason.empty()) {
     return absl::InvalidArgumentError(absl::StrFormat(
         "%s: its points are %.4g mm (robust standard deviation) from the part, %.0f %% of them "
@@ -558,9 +552,8 @@ absl::StatusOr<MeasuredPart> FindMeasuredPart(const TriangleMesh& model,
         files.front().path, 1e3 * misfit.residual_m, 100 * misfit.fraction_off, reason));
   }
   DescribePose(part.registration, options, part.message);
-  absl::Status deviations = AddDeviations(model, inspection, uncertainty,
-                                          options.tolerated_distance_m, options.threads, part);
-  if (!deviations.ok()) return deviations;
+  SIGHTLINE_RETURN_IF_ERROR(AddDeviations(model, inspection, uncertainty,
+                                          options.tolerated_distance_m, options.threads, part));
   return part;
 }
 

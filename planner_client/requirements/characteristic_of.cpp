@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -231,9 +232,8 @@ absl::StatusOr<BoundCharacteristic> BindCharacteristic(const TolerancedFeature& 
   c.association = feature.association;
   std::vector<std::vector<TargetedSurface>> datums;
   for (const std::string& datum : feature.datums) {
-    auto surfaces = SurfacesOfDatum(datum, requirements, binder);
-    if (!surfaces.ok()) return surfaces.status();
-    datums.push_back(*std::move(surfaces));
+    SIGHTLINE_ASSIGN_OR_RETURN(auto surfaces, SurfacesOfDatum(datum, requirements, binder));
+    datums.push_back(std::move(surfaces));
   }
   std::vector<TargetedSurface*> all;
   for (TargetedSurface& surface : own) all.push_back(&surface);

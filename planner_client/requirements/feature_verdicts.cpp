@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/conformance/conformance.h"
+#include "core/status/status_macros.h"
 #include "planner_client/requirements/characteristic_of.h"
 #include "planner_client/requirements/known_targets.h"
 
@@ -60,9 +61,8 @@ absl::Status JudgeBound(const Inspection& inspection, const Requirements& requir
   const auto fit = FitCharacteristic(feature, bound.characteristic);
   if (absl::IsUnimplemented(fit.status())) return fit.status();
   if (fit.ok()) {
-    absl::Status sizes =
-        CheckModelSizes(ToleranceOf(requirements, toleranced), *fit, toleranced.zone_width_m);
-    if (!sizes.ok()) return sizes;
+    SIGHTLINE_RETURN_IF_ERROR(
+        CheckModelSizes(ToleranceOf(requirements, toleranced), *fit, toleranced.zone_width_m));
   }
   double width_m = toleranced.zone_width_m;
   if (toleranced.zone_width_rad > 0) {
@@ -76,20 +76,20 @@ absl::Status JudgeBound(const Inspection& inspection, const Requirements& requir
   }
   const double bonus_m = MaterialBonus(toleranced, bound, feature);
   if (bonus_m > 0) verdict->set_material_bonus_m(bonus_m);
-  auto judged = JudgeCharacteristic(feature, fit, bound.characteristic, width_m + bonus_m, options);
-  if (!judged.ok()) return judged.status();
-  SetJudged(*judged, verdict);
-  if (fit.ok() && judged->predicted) {
+  SIGHTLINE_ASSIGN_OR_RETURN(auto judged, JudgeCharacteristic(feature, fit, bound.characteristic,
+                                                              width_m + bonus_m, options));
+  SetJudged(judged, verdict);
+  if (fit.ok() && judged.predicted) {
     verdict->mutable_because()->append(
         MiddleOfLimitsText(ToleranceOf(requirements, toleranced), *fit));
   }
   verdict->mutable_because()->append(AssociationText(requirements, toleranced));
-  if (!judged->predicted) return absl::OkStatus();
+  if (!judged.predicted) return absl::OkStatus();
   verdict->set_admissible_targets(0);
   for (const uint32_t t : all) {
     verdict->set_admissible_targets(
         verdict->admissible_targets() +
-        (knowledge.points[t] > 0 && knowledge.uncertainty[t].total_m <= judged->admissible_u_m));
+        (knowledge.points[t] > 0 && knowledge.uncertainty[t].total_m <= judged.admissible_u_m));
   }
   return absl::OkStatus();
 }

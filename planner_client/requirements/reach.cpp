@@ -8,6 +8,7 @@
 #include "absl/strings/str_format.h"
 #include "core/random/random.h"
 #include "core/rig/scan_geometry.h"
+#include "core/status/status_macros.h"
 #include "core/surface_inference/surface_inference.h"
 #include "core/triangulation/triangulation.h"
 #include "planner_client/optimise/search_space.h"
@@ -72,13 +73,11 @@ absl::Status CheckReach(const Inspection& inspection, const Requirements& requir
         1e6 * UncertaintyAtDensity(prior, std::max(best, 1e-300)), inspection.goal.max_scans));
   };
   if (requirements.default_zone_width_m) {
-    absl::Status status = check("tolerances.zone_width_m", *requirements.default_zone_width_m);
-    if (!status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(check("tolerances.zone_width_m", *requirements.default_zone_width_m));
   }
   for (const TolerancedFeature& feature : requirements.features) {
     if (!(feature.zone_width_m > 0)) continue;
-    absl::Status status = check(feature.name, feature.zone_width_m);
-    if (!status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(check(feature.name, feature.zone_width_m));
   }
   return absl::OkStatus();
 }

@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "core/status/status_macros.h"
 #include "planner_client/requirements/faces_on_part.h"
 
 namespace sightline {
@@ -135,9 +136,8 @@ absl::Status AddTolerance(const Tolerance& tolerance, const ToleranceReport& rep
                                             : " does not lie on the part as a whole within 10 um"));
     }
     const std::string binds = absl::StrCat(file, ": tolerance ", tolerance.name);
-    absl::Status status = AddSurface(*face->second, binds, &feature.faces);
-    if (!status.ok()) return status;
-    if (status = on_part.Check(*face->second, binds); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(AddSurface(*face->second, binds, &feature.faces));
+    SIGHTLINE_RETURN_IF_ERROR(on_part.Check(*face->second, binds));
     AddNominal(*face->second, requirements);
   }
   if (feature.faces.empty()) {
@@ -156,9 +156,8 @@ absl::Status AddDatumFaces(const FacesByNumber& by_number, FacesOnPart& on_part,
       const auto face = by_number.find(number);
       if (face == by_number.end() || !added.insert(number).second) continue;
       const std::string binds = absl::StrCat("datum ", datum.letter);
-      absl::Status status = AddSurface(*face->second, binds, &requirements->datum_faces);
-      if (!status.ok()) return status;
-      if (status = on_part.Check(*face->second, binds); !status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(AddSurface(*face->second, binds, &requirements->datum_faces));
+      SIGHTLINE_RETURN_IF_ERROR(on_part.Check(*face->second, binds));
       AddNominal(*face->second, requirements);
     }
   }
@@ -185,9 +184,8 @@ absl::StatusOr<TolerancedFeature> FeatureOfRegion(const TolerancedRegion& region
   }
   if (!region.materials.empty()) {
     feature.by_material = true;
-    absl::Status status =
-        AddSurface(SurfaceOfMaterials(part, region.materials), path, &feature.faces);
-    if (!status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(
+        AddSurface(SurfaceOfMaterials(part, region.materials), path, &feature.faces));
   }
   for (const int number : region.faces) {
     const auto face = faces.find(number);
@@ -195,10 +193,8 @@ absl::StatusOr<TolerancedFeature> FeatureOfRegion(const TolerancedRegion& region
       return absl::InvalidArgumentError(
           absl::StrCat(path, ".faces: the file of tolerances has no face ", number));
     }
-    if (absl::Status status = AddSurface(*face->second, path, &feature.faces); !status.ok()) {
-      return status;
-    }
-    if (absl::Status on = on_part.Check(*face->second, path); !on.ok()) return on;
+    SIGHTLINE_RETURN_IF_ERROR(AddSurface(*face->second, path, &feature.faces));
+    SIGHTLINE_RETURN_IF_ERROR(on_part.Check(*face->second, path));
     AddNominal(*face->second, requirements);
   }
   return feature;
@@ -251,7 +247,7 @@ absl::StatusOr<Requirements> MakeRequirements(const Inspection& inspection,
   Requirements requirements;
   requirements.rule = {given.guard_factor, given.least_acceptance_zone};
   requirements.association = given.association;
-  if (absl::Status status = CheckDecisionRule(requirements.rule); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(CheckDecisionRule(requirements.rule));
   requirements.default_zone_width_m = given.zone_width_m;
   const double part_size_m = part.BoundingBox().sizes().norm();
   const auto check_zone = [&](const std::string& path, double width_m) -> absl::Status {
@@ -260,8 +256,7 @@ absl::StatusOr<Requirements> MakeRequirements(const Inspection& inspection,
         path, " is ", width_m, " m, must be below the part's size, ", part_size_m, " m"));
   };
   if (given.zone_width_m) {
-    absl::Status status = check_zone("tolerances.zone_width_m", *given.zone_width_m);
-    if (!status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(check_zone("tolerances.zone_width_m", *given.zone_width_m));
   }
   std::map<int, const FaceTriangles*> by_number;
   for (const FaceTriangles& face : faces) by_number[face.face] = &face;
@@ -271,22 +266,20 @@ absl::StatusOr<Requirements> MakeRequirements(const Inspection& inspection,
     requirements.left_out = report->not_read;
     requirements.datums = report->datums;
     for (const Tolerance& tolerance : report->read) {
-      absl::Status added = AddTolerance(tolerance, *report, given.file, part_size_m, by_number,
-                                        on_part, &requirements);
-      if (!added.ok()) return added;
+      SIGHTLINE_RETURN_IF_ERROR(AddTolerance(tolerance, *report, given.file, part_size_m, by_number,
+                                             on_part, &requirements));
     }
-    if (absl::Status s = AddDatumFaces(by_number, on_part, &requirements); !s.ok()) return s;
+    SIGHTLINE_RETURN_IF_ERROR(AddDatumFaces(by_number, on_part, &requirements));
     for (const UnboundTolerance& unbound : requirements.unbound) {
       requirements.tolerances.push_back(unbound.tolerance);
     }
   }
   for (size_t i = 0; i < given.regions.size(); ++i) {
     const std::string path = absl::StrCat("tolerances.regions[", i, "]");
-    absl::Status status = check_zone(path + ".zone_width_m", given.regions[i].zone_width_m);
-    if (!status.ok()) return status;
-    auto feature = FeatureOfRegion(given.regions[i], part, by_number, on_part, path, &requirements);
-    if (!feature.ok()) return feature.status();
-    requirements.features.push_back(*std::move(feature));
+    SIGHTLINE_RETURN_IF_ERROR(check_zone(path + ".zone_width_m", given.regions[i].zone_width_m));
+    SIGHTLINE_ASSIGN_OR_RETURN(auto feature, FeatureOfRegion(given.regions[i], part, by_number,
+                                                             on_part, path, &requirements));
+    requirements.features.push_back(std::move(feature));
   }
   // Angles ask nothing of single targets, so that no scans can be planned for them alone.
   const bool any_zone = std::any_of(requirements.features.begin(), requirements.features.end(),

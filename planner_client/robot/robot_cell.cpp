@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -100,9 +101,8 @@ RobotCell::RobotCell(CellTask task, RobotModel model)
 }
 
 absl::StatusOr<std::unique_ptr<RobotCell>> RobotCell::Make(CellTask task) {
-  auto model = ReadRobotModel(task.mount);
-  if (!model.ok()) return model.status();
-  std::unique_ptr<RobotCell> cell(new RobotCell(std::move(task), *std::move(model)));
+  SIGHTLINE_ASSIGN_OR_RETURN(auto model, ReadRobotModel(task.mount));
+  std::unique_ptr<RobotCell> cell(new RobotCell(std::move(task), std::move(model)));
   if (const auto contact =
           cell->collision_->WithItself(cell->model_.LinkPoses(cell->model_.home))) {
     return absl::InvalidArgumentError(absl::StrCat(

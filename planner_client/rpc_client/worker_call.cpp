@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/digest/sha256.h"
+#include "core/status/status_macros.h"
 #include "proto/status/rpc_status.h"
 
 namespace sightline {
@@ -44,7 +45,7 @@ absl::Status WorkerCall::Create(const std::function<grpc::Status(grpc::ClientCon
     if (!absl::IsUnavailable(status)) return status;
     if (options_.embedded != nullptr && !options_.embedded->CheckAlive().ok()) {
       // Nothing is lost yet but assets, which it asks for again.
-      if (absl::Status restarted = options_.embedded->Restart(); !restarted.ok()) return restarted;
+      SIGHTLINE_RETURN_IF_ERROR(options_.embedded->Restart());
       uploads_left = static_cast<int>(assets_.size()) + 1;
       continue;
     }
@@ -143,7 +144,7 @@ absl::Status WorkerCall::Explained(const absl::Status& status,
     for (int i = 0; i < 20 && options_.embedded->CheckAlive().ok(); ++i) {
       absl::SleepFor(absl::Milliseconds(10));
     }
-    if (absl::Status ended = options_.embedded->CheckAlive(); !ended.ok()) return ended;
+    SIGHTLINE_RETURN_IF_ERROR(options_.embedded->CheckAlive());
   }
   return absl::UnavailableError(
       absl::StrCat("render worker ", options_.Address(), ": ", status.message()));

@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "core/status/status_macros.h"
 #include "planner_client/exports/scan_frames.h"
 #include "planner_client/report/document/report_parts.h"
 #include "planner_client/report/page/html.h"
@@ -434,9 +435,8 @@ absl::StatusOr<v1::Report> SetUpReport(const SetUpSheet& sheet) {
   }
   std::vector<ScanFrames> frames;
   for (const v1::PlannedScan& scan : sheet.plan.scans()) {
-    auto of_scan = FramesOfScan(scan);
-    if (!of_scan.ok()) return of_scan.status();
-    frames.push_back(*std::move(of_scan));
+    SIGHTLINE_ASSIGN_OR_RETURN(auto of_scan, FramesOfScan(scan));
+    frames.push_back(std::move(of_scan));
     const int face = scan.resting_face();
     if (scan.has_resting_face() && (face < 0 || face >= sheet.plan.resting_faces_size())) {
       return absl::InvalidArgumentError(

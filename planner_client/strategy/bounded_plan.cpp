@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/status/status_macros.h"
 #include "planner_client/strategy/execution/least_time_plan.h"
 #include "planner_client/strategy/generated_columns_plan.h"
 
@@ -22,9 +23,9 @@ class BoundedSearch {
         hooks_(hooks) {}
 
   absl::StatusOr<BoundedPlan> Run() {
-    if (auto status = SearchFewest(); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(SearchFewest());
     if (!Interrupted() && WantsLeastTime(request_)) {
-      if (auto status = PlanLeastTime(); !status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(PlanLeastTime());
     }
     return std::move(found_);
   }
@@ -72,14 +73,13 @@ class BoundedSearch {
     PlannerRequest request = request_;
     // The bound's scans are better than those of a longer search without them.
     request.draft = bound_evaluations_ > 0;
-    auto draft = During(PlanStep::kPlan, [&] { return MakePlan(gain_model_, request); });
-    if (!draft.ok()) return draft.status();
-    found_.plan = *std::move(draft);
-    if (auto status = Tell(); !status.ok()) return status;
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        found_.plan, During(PlanStep::kPlan, [&] { return MakePlan(gain_model_, request); }));
+    SIGHTLINE_RETURN_IF_ERROR(Tell());
     if (bound_evaluations_ == 0 || Interrupted() || found_.plan.scans.empty()) {
       return absl::OkStatus();
     }
-    if (auto status = FindBound(); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(FindBound());
     if (auto status = PlanAgain(); !status.ok() || Interrupted()) return status;
     if (found_.plan.stop_reason != StopReason::kGoalReached) return absl::OkStatus();
     return TakeIntoAccount(gain_model_, request_.domain, Scans(), *found_.bound);
@@ -90,13 +90,12 @@ class BoundedSearch {
     const double satisfied =
         static_cast<double>(found_.plan.score.satisfied) /
         static_cast<double>(std::max<int64_t>(1, gain_model_.measurable().Count()));
-    auto bound = During(PlanStep::kBound, [&] {
-      return BoundScanCount(
-          gain_model_, request_.domain, std::min(GoalFraction(request_.goal), satisfied), Scans(),
-          bound_evaluations_, request_.seed, hooks_.on_bound, request_.interrupted);
-    });
-    if (!bound.ok()) return bound.status();
-    found_.bound = *std::move(bound);
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        found_.bound, During(PlanStep::kBound, [&] {
+          return BoundScanCount(
+              gain_model_, request_.domain, std::min(GoalFraction(request_.goal), satisfied),
+              Scans(), bound_evaluations_, request_.seed, hooks_.on_bound, request_.interrupted);
+        }));
     return absl::OkStatus();
   }
 
@@ -104,11 +103,10 @@ class BoundedSearch {
     const auto request = WithTimeLeft(draft_s_);
     if (!request || Interrupted()) return absl::OkStatus();
     const size_t before = found_.plan.scans.size();
-    auto plan = During(PlanStep::kPlanAgain, [&] {
-      return PlanWithGeneratedColumns(gain_model_, *request, std::move(found_.plan), *found_.bound);
-    });
-    if (!plan.ok()) return plan.status();
-    found_.plan = *std::move(plan);
+    SIGHTLINE_ASSIGN_OR_RETURN(found_.plan, During(PlanStep::kPlanAgain, [&] {
+                                 return PlanWithGeneratedColumns(
+                                     gain_model_, *request, std::move(found_.plan), *found_.bound);
+                               }));
     return found_.plan.scans.size() < before ? Tell() : absl::OkStatus();
   }
 
@@ -117,11 +115,10 @@ class BoundedSearch {
     if (!request) return absl::OkStatus();
     std::vector<Measurement> good;
     if (found_.bound) good = found_.bound->generated_columns;
-    auto plan = During(PlanStep::kLeastTime, [&] {
-      return PlanInLeastTime(gain_model_, *request, std::move(found_.plan), good);
-    });
-    if (!plan.ok()) return plan.status();
-    found_.plan = *std::move(plan);
+    SIGHTLINE_ASSIGN_OR_RETURN(found_.plan, During(PlanStep::kLeastTime, [&] {
+                                 return PlanInLeastTime(gain_model_, *request,
+                                                        std::move(found_.plan), good);
+                               }));
     return Tell();
   }
 

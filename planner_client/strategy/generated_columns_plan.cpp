@@ -4,6 +4,8 @@
 #include <utility>
 #include <vector>
 
+#include "core/status/status_macros.h"
+
 namespace sightline {
 
 absl::StatusOr<PlannerResult> PlanWithGeneratedColumns(GainModel& gain_model,
@@ -25,11 +27,10 @@ absl::StatusOr<PlannerResult> PlanWithGeneratedColumns(GainModel& gain_model,
        {&bound.generated_columns, &std::as_const(plan).candidates}) {
     again.candidates.insert(again.candidates.end(), found->begin(), found->end());
   }
-  auto better = MakePlan(gain_model, again);
-  if (!better.ok()) return better.status();
-  const int64_t evaluations = plan.evaluations + better->evaluations;
-  if (better->stop_reason == StopReason::kGoalReached && better->scans.size() < plan.scans.size()) {
-    plan = *std::move(better);
+  SIGHTLINE_ASSIGN_OR_RETURN(auto better, MakePlan(gain_model, again));
+  const int64_t evaluations = plan.evaluations + better.evaluations;
+  if (better.stop_reason == StopReason::kGoalReached && better.scans.size() < plan.scans.size()) {
+    plan = std::move(better);
   }
   plan.evaluations = evaluations;
   return plan;

@@ -3,6 +3,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/random/random.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -19,13 +20,11 @@ absl::StatusOr<PlannerResult> PlanGreedily(PlanRun& run, const NextBestScans& ne
   std::vector<Measurement> feasible;  // of all scans so far
   std::vector<float> known = run.NothingKnown();
   for (const auto* given : {&request.locked, &request.starting}) {
-    auto exact = run.Exact(*given);
-    if (!exact.ok()) return exact.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(auto exact, run.Exact(*given));
     for (size_t i = 0; i < given->size(); ++i) {
-      if ((*exact)[i]->feasibility != ScanFeasibility::kFeasible) continue;
-      auto shares = run.SharesOf((*given)[i]);
-      if (!shares.ok()) return shares.status();
-      AddShares(*shares, known);
+      if (exact[i]->feasibility != ScanFeasibility::kFeasible) continue;
+      SIGHTLINE_ASSIGN_OR_RETURN(auto shares, run.SharesOf((*given)[i]));
+      AddShares(shares, known);
       feasible.push_back((*given)[i]);
     }
   }
@@ -78,10 +77,11 @@ NextBestScans SearchWith(PlanRun& run, const GreedySearch& search) {
     TopPoints top(kCandidates, kSeparation);
     MaximiseOptions options = search.options;
     options.periodic = run.space().periodic();
-    auto best = Maximise(search.method, run.space().dimension(),
-                         run.Gain(known, &top, absl::StrCat("searching scan ", scans + 1), scans),
-                         run.request().evaluations_per_scan, seed, options);
-    if (!best.ok()) return best.status();
+    SIGHTLINE_RETURN_IF_ERROR(
+        Maximise(search.method, run.space().dimension(),
+                 run.Gain(known, &top, absl::StrCat("searching scan ", scans + 1), scans),
+                 run.request().evaluations_per_scan, seed, options)
+            .status());
     std::vector<Measurement> result;
     for (const auto& entry : top.entries()) result.push_back(run.space().ToMeasurement(entry.x));
     return result;

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "absl/strings/str_cat.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 
@@ -60,14 +61,13 @@ absl::StatusOr<std::vector<const ScanCoverage*>> PlanRun::Exact(
     }
   }
   if (!missing.empty()) {
-    auto coverage = gain_model_.ExactCoverage(missing);
-    if (!coverage.ok()) return coverage.status();
-    if (coverage->size() != missing.size()) {
+    SIGHTLINE_ASSIGN_OR_RETURN(auto coverage, gain_model_.ExactCoverage(missing));
+    if (coverage.size() != missing.size()) {
       return absl::InternalError(
-          absl::StrCat("exact coverage of ", coverage->size(), " of ", missing.size(), " scans"));
+          absl::StrCat("exact coverage of ", coverage.size(), " of ", missing.size(), " scans"));
     }
     for (size_t i = 0; i < missing.size(); ++i) {
-      exact_[ToArray(missing[i])] = std::move((*coverage)[i]);
+      exact_[ToArray(missing[i])] = std::move(coverage[i]);
     }
   }
   std::vector<const ScanCoverage*> result;
@@ -77,30 +77,26 @@ absl::StatusOr<std::vector<const ScanCoverage*>> PlanRun::Exact(
 
 absl::StatusOr<TargetShares> PlanRun::SharesOf(const Measurement& scan) {
   if (!gain_model_.ScoresPlans()) {
-    auto exact = Exact({&scan, 1});
-    if (!exact.ok()) return exact.status();
-    return FullShares(exact->front()->covered);
+    SIGHTLINE_ASSIGN_OR_RETURN(auto exact, Exact({&scan, 1}));
+    return FullShares(exact.front()->covered);
   }
-  auto fast = gain_model_.FastCoverage({&scan, 1});
-  if (!fast.ok()) return fast.status();
-  return std::move(fast->front().shares);
+  SIGHTLINE_ASSIGN_OR_RETURN(auto fast, gain_model_.FastCoverage({&scan, 1}));
+  return std::move(fast.front().shares);
 }
 
 absl::StatusOr<double> PlanRun::Added(std::span<const float> known, const Measurement& scan,
                                       const TargetShares& shares) {
   if (!gain_model_.ScoresPlans()) return GainAfter(known, shares);
-  auto gains = gain_model_.Gains({&scan, 1}, known);
-  if (!gains.ok()) return gains.status();
-  return gains->front().gain;
+  SIGHTLINE_ASSIGN_OR_RETURN(auto gains, gain_model_.Gains({&scan, 1}, known));
+  return gains.front().gain;
 }
 
 absl::StatusOr<PlanScore> PlanRun::Score(std::span<const Measurement> scans, bool thorough) {
   if (gain_model_.ScoresPlans()) return gain_model_.ScorePlan(scans, thorough);
-  auto exact = Exact(scans);
-  if (!exact.ok()) return exact.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto exact, Exact(scans));
   TargetBits covered(gain_model_.measurable().size()),
       fresh(gain_model_.validation_measurable().size());
-  for (const ScanCoverage* scan : *exact) {
+  for (const ScanCoverage* scan : exact) {
     if (scan->feasibility != ScanFeasibility::kFeasible) continue;
     covered |= scan->covered;
     if (fresh.size() > 0) fresh |= scan->validation_covered;
@@ -124,12 +120,11 @@ BatchObjective PlanRun::Gain(std::vector<float> known, TopPoints* top, std::stri
     std::vector<Measurement> measurements;
     measurements.reserve(points.size());
     for (const auto& x : points) measurements.push_back(space_.ToMeasurement(x));
-    auto gains = gain_model_.Gains(measurements, known);
-    if (!gains.ok()) return gains.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(auto gains, gain_model_.Gains(measurements, known));
     std::vector<double> values;
-    values.reserve(gains->size());
-    for (size_t i = 0; i < gains->size(); ++i) {
-      const ScanGain& gain = (*gains)[i];
+    values.reserve(gains.size());
+    for (size_t i = 0; i < gains.size(); ++i) {
+      const ScanGain& gain = gains[i];
       values.push_back(gain.feasibility == ScanFeasibility::kFeasible ? gain.gain : -1);
       if (top != nullptr && values.back() > 0) {
         top->Add(space_.Normalise(points[i]), values.back());
@@ -145,13 +140,11 @@ absl::StatusOr<PlannerResult> PlanRun::Finish(std::span<const Measurement> movab
   std::vector<Measurement> scans = request_.locked;
   const size_t locked = scans.size();
   scans.insert(scans.end(), movable.begin(), movable.end());
-  auto exact = Exact(scans);
-  if (!exact.ok()) return exact.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto exact, Exact(scans));
   std::vector<TargetShares> shares;
   for (const Measurement& scan : scans) {
-    auto told = SharesOf(scan);
-    if (!told.ok()) return told.status();
-    shares.push_back(*std::move(told));
+    SIGHTLINE_ASSIGN_OR_RETURN(auto told, SharesOf(scan));
+    shares.push_back(std::move(told));
   }
 
   std::vector<float> known = NothingKnown();
@@ -163,7 +156,7 @@ absl::StatusOr<PlannerResult> PlanRun::Finish(std::span<const Measurement> movab
     double best_gain = -1;
     for (size_t i = place < locked ? place : locked;
          i < (place < locked ? place + 1 : scans.size()); ++i) {
-      if (used[i] || (i >= locked && (*exact)[i]->feasibility != ScanFeasibility::kFeasible)) {
+      if (used[i] || (i >= locked && exact[i]->feasibility != ScanFeasibility::kFeasible)) {
         continue;
       }
       const double gain = GainAfter(known, shares[i]);
@@ -178,19 +171,18 @@ absl::StatusOr<PlannerResult> PlanRun::Finish(std::span<const Measurement> movab
     ChosenScan chosen;
     chosen.measurement = scans[best];
     chosen.locked = best < locked;
-    chosen.exact = *(*exact)[best];
+    chosen.exact = *exact[best];
     result.scans.push_back(std::move(chosen));
   }
   result.evaluations = evaluations();
   std::vector<Measurement> chosen;
   for (const ChosenScan& scan : result.scans) chosen.push_back(scan.measurement);
   if (!chosen.empty()) {
-    if (auto status = ScoreFinished(chosen, &result); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(ScoreFinished(chosen, &result));
     // For the report only, after the count.
-    auto fast = gain_model_.FastCoverage(chosen);
-    if (!fast.ok()) return fast.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(auto fast, gain_model_.FastCoverage(chosen));
     for (size_t i = 0; i < chosen.size(); ++i) {
-      result.scans[i].fast_covered = (*fast)[i].covered.Count();
+      result.scans[i].fast_covered = fast[i].covered.Count();
     }
   }
   Report("planned", static_cast<int64_t>(result.scans.size()), result.score.satisfied, true);
@@ -202,9 +194,8 @@ absl::Status PlanRun::ScoreFinished(std::span<const Measurement> scans, PlannerR
   if (!request_.with_curves) {
     result->coverage_curve.clear();
   } else if (gain_model_.ScoresPlans()) {
-    auto growing = gain_model_.ScoreGrowingPlan(scans);
-    if (!growing.ok()) return growing.status();
-    for (const PlanScore& score : *growing) {
+    SIGHTLINE_ASSIGN_OR_RETURN(auto growing, gain_model_.ScoreGrowingPlan(scans));
+    for (const PlanScore& score : growing) {
       result->coverage_curve.push_back(static_cast<double>(score.satisfied) / total);
       result->relaxed_curve.push_back(static_cast<double>(score.relaxed) / total);
     }
@@ -216,9 +207,7 @@ absl::Status PlanRun::ScoreFinished(std::span<const Measurement> scans, PlannerR
     }
     result->relaxed_curve = result->coverage_curve;
   }
-  auto score = Score(scans, true);
-  if (!score.ok()) return score.status();
-  result->score = *score;
+  SIGHTLINE_ASSIGN_OR_RETURN(result->score, Score(scans, true));
   return absl::OkStatus();
 }
 

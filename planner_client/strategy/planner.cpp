@@ -6,6 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "core/spelling/nearest_name.h"
+#include "core/status/status_macros.h"
 #include "planner_client/strategy/greedy_plan.h"
 #include "planner_client/strategy/matrix_plan.h"
 #include "planner_client/strategy/plan_run.h"
@@ -124,17 +125,16 @@ absl::Status CheckStrategy(const std::string& name) {
 }
 
 absl::StatusOr<PlannerResult> MakePlan(GainModel& gain_model, const PlannerRequest& given) {
-  if (auto status = CheckStrategy(given.strategy); !status.ok()) return status;
-  if (auto status = CheckRequest(given); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(CheckStrategy(given.strategy));
+  SIGHTLINE_RETURN_IF_ERROR(CheckRequest(given));
   const PlannerRequest request = given.scan_count ? AimAtAllTargets(given) : given;
 
   PlanRun run(gain_model, request);
-  auto locked = run.Exact(request.locked);
-  if (!locked.ok()) return locked.status();
-  for (size_t i = 0; i < locked->size(); ++i) {
-    if ((*locked)[i]->feasibility != ScanFeasibility::kFeasible) {
+  SIGHTLINE_ASSIGN_OR_RETURN(auto locked, run.Exact(request.locked));
+  for (size_t i = 0; i < locked.size(); ++i) {
+    if (locked[i]->feasibility != ScanFeasibility::kFeasible) {
       return absl::InvalidArgumentError(
-          absl::StrCat("locked scan ", i + 1, ": ", FeasibilityName((*locked)[i]->feasibility)));
+          absl::StrCat("locked scan ", i + 1, ": ", FeasibilityName(locked[i]->feasibility)));
     }
   }
 

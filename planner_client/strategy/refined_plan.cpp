@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/random/random.h"
+#include "core/status/status_macros.h"
 #include "planner_client/optimise/climb.h"
 #include "planner_client/strategy/pool/scan_pool.h"
 
@@ -74,10 +75,10 @@ class RefinedPlanner {
 
  private:
   absl::Status Search() {
-    if (auto status = AddGivenScans(); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(AddGivenScans());
     if (run_.goal_targets() == 0) return absl::OkStatus();
-    if (auto status = CompletePlan(); !status.ok()) return status;
-    if (auto status = Calibrate(); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(CompletePlan());
+    SIGHTLINE_RETURN_IF_ERROR(Calibrate());
     int rounds_without_progress = 0;
     while (true) {
       if (run_.Stopped()) return absl::CancelledError("planning was stopped");
@@ -88,7 +89,7 @@ class RefinedPlanner {
         // lead to is scored.
         const bool least = plan_.size() <= std::max<size_t>(1, fixed_);
         if (!least && FewerReach()) continue;
-        if (auto status = Verify(); !status.ok()) return status;
+        SIGHTLINE_RETURN_IF_ERROR(Verify());
         if (have_best_ && best_.size() == plan_.size()) {
           if (least || run_.request().draft) break;
           plan_ = waiting_;
@@ -98,7 +99,7 @@ class RefinedPlanner {
       if (OutOfBudget()) {
         // A plan that never reached the goal takes another scan, within its larger budget.
         if (have_best_ || stalled_ || !RoomForMore()) break;
-        if (auto status = AddNextBest(); !status.ok()) return status;
+        SIGHTLINE_RETURN_IF_ERROR(AddNextBest());
         rounds_.clear();
         continue;
       }
@@ -107,11 +108,11 @@ class RefinedPlanner {
       const int64_t evaluations_before = run_.evaluations();
       ImproveFromPool();
       if (Covered() < aim_) {
-        if (auto status = PolishRound(); !status.ok()) return status;
+        SIGHTLINE_RETURN_IF_ERROR(PolishRound());
       }
       rounds_without_progress = Covered() > before ? 0 : rounds_without_progress + 1;
       if (Covered() < aim_ && rounds_without_progress > 0) {
-        if (auto status = RelocateWeakest(rounds_without_progress); !status.ok()) return status;
+        SIGHTLINE_RETURN_IF_ERROR(RelocateWeakest(rounds_without_progress));
       }
       rounds_.push_back({run_.evaluations(), Covered()});
       // Nothing may move: no free scan or no free parameter.
@@ -184,10 +185,9 @@ class RefinedPlanner {
     if (scans.empty()) return indices;
     std::vector<Measurement> measurements;
     for (const Scan& scan : scans) measurements.push_back(scan.measurement);
-    auto coverage = run_.gain_model().FastCoverage(measurements);
-    if (!coverage.ok()) return coverage.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(auto coverage, run_.gain_model().FastCoverage(measurements));
     for (size_t i = 0; i < scans.size(); ++i) {
-      ScanCoverage& c = (*coverage)[i];
+      ScanCoverage& c = coverage[i];
       const bool feasible = c.feasibility == ScanFeasibility::kFeasible;
       if (!feasible && !even_if_infeasible) {
         indices.push_back(std::nullopt);
@@ -217,9 +217,8 @@ class RefinedPlanner {
       for (const Measurement& measurement : *given) {
         scans.push_back({run_.space().ToUnit(measurement), measurement, {}});
       }
-      auto indices = AddToPool(std::move(scans), true);
-      if (!indices.ok()) return indices.status();
-      for (const auto& index : *indices) plan_.push_back(*index);
+      SIGHTLINE_ASSIGN_OR_RETURN(auto indices, AddToPool(std::move(scans), true));
+      for (const auto& index : indices) plan_.push_back(*index);
     }
     std::vector<Scan> candidates;
     for (const Measurement& measurement : run_.request().candidates) {
@@ -238,33 +237,33 @@ class RefinedPlanner {
     MaximiseOptions options;
     options.periodic = run_.space().periodic();
     options.population = kSwarm;
-    auto best = Maximise(Method::kParticleSwarm, run_.space().dimension(),
-                         run_.Gain(known, &top, phase, static_cast<int64_t>(plan_.size())),
-                         std::max<int64_t>(1, evaluations - kept), random_.Bits(), options);
-    if (!best.ok()) return best.status();
-    auto indices = AddToPool(ScansOf(top));
-    if (!indices.ok()) return indices.status();
-    if (indices->empty() || top.entries()[0].value <= 0) return std::nullopt;
-    return (*indices)[0];
+    SIGHTLINE_RETURN_IF_ERROR(
+        Maximise(Method::kParticleSwarm, run_.space().dimension(),
+                 run_.Gain(known, &top, phase, static_cast<int64_t>(plan_.size())),
+                 std::max<int64_t>(1, evaluations - kept), random_.Bits(), options)
+            .status());
+    SIGHTLINE_ASSIGN_OR_RETURN(auto indices, AddToPool(ScansOf(top)));
+    if (indices.empty() || top.entries()[0].value <= 0) return std::nullopt;
+    return indices[0];
   }
 
   absl::Status AddNextBest() {
     const std::vector<float> known = KnownFrom(plan_);
-    auto index =
-        SearchScan(known, Share(kGreedyShare), absl::StrCat("searching scan ", plan_.size() + 1));
-    if (!index.ok()) return index.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        auto index,
+        SearchScan(known, Share(kGreedyShare), absl::StrCat("searching scan ", plan_.size() + 1)));
     absl::StatusOr<double> added = 0.0;
-    if (*index) {
-      added = run_.Added(known, scans_[**index].measurement, scans_[**index].shares);
+    if (index) {
+      added = run_.Added(known, scans_[*index].measurement, scans_[*index].shares);
       if (!added.ok()) return added.status();
     }
-    if (!*index || *added < run_.min_gain()) {
+    if (!index || *added < run_.min_gain()) {
       if (++failures_ == 2) stalled_ = true;
       reason_ = StopReason::kStalled;
       return absl::OkStatus();
     }
     failures_ = 0;
-    plan_.push_back(**index);
+    plan_.push_back(*index);
     return absl::OkStatus();
   }
 
@@ -274,7 +273,7 @@ class RefinedPlanner {
         reason_ = StopReason::kMaxScans;
         break;
       }
-      if (auto status = AddNextBest(); !status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(AddNextBest());
     }
     return absl::OkStatus();
   }
@@ -283,12 +282,11 @@ class RefinedPlanner {
   absl::StatusOr<PlanScore> ExactScore(bool thorough) {
     std::vector<Measurement> measurements;
     for (size_t scan : plan_) measurements.push_back(scans_[scan].measurement);
-    auto exact = run_.Exact(measurements);
-    if (!exact.ok()) return exact.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(auto exact, run_.Exact(measurements));
     PoolPlan feasible;
     std::vector<Measurement> kept;
     for (size_t i = 0; i < plan_.size(); ++i) {
-      if ((*exact)[i]->feasibility == ScanFeasibility::kFeasible) {
+      if (exact[i]->feasibility == ScanFeasibility::kFeasible) {
         feasible.push_back(plan_[i]);
         kept.push_back(measurements[i]);
       } else {
@@ -307,19 +305,17 @@ class RefinedPlanner {
   }
 
   absl::Status Calibrate() {
-    auto score = ExactScore(false);
-    if (!score.ok()) return score.status();
-    Aim(*score);
+    SIGHTLINE_ASSIGN_OR_RETURN(auto score, ExactScore(false));
+    Aim(score);
     return absl::OkStatus();
   }
 
   // The plan reaches the aim by the estimate. Does it exactly?
   absl::Status Verify() {
     const size_t size = plan_.size();
-    auto score = ExactScore(false);
-    if (!score.ok()) return score.status();
-    Aim(*score);
-    if (run_.ReachesGoal(*score)) {
+    SIGHTLINE_ASSIGN_OR_RETURN(auto score, ExactScore(false));
+    Aim(score);
+    if (run_.ReachesGoal(score)) {
       have_best_ = true;
       best_ = plan_;
       reached_.push_back(Movable());
@@ -399,7 +395,7 @@ class RefinedPlanner {
   absl::Status PolishRound() {
     for (size_t place : WeakestFirst()) {
       if (OutOfBudget() || Covered() >= aim_) break;
-      if (auto status = Polish(place); !status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(Polish(place));
     }
     return absl::OkStatus();
   }
@@ -415,25 +411,24 @@ class RefinedPlanner {
     std::vector<double> x = scans_[plan_[place]].x;
     double value = 0;
     if (run_.gain_model().ScoresPlans()) {
-      auto own = objective(std::span(&x, 1));
-      if (!own.ok()) return own.status();
-      value = own->front();
+      SIGHTLINE_ASSIGN_OR_RETURN(auto own, objective(std::span(&x, 1)));
+      value = own.front();
     } else {
       value = run_.GainAfter(others, scans_[plan_[place]].shares);
     }
     const double start_value = value;
-    auto climbed = Climb(
-        std::move(x), value, PolishBatches(), objective,
-        [this](std::span<const double> y) { return run_.space().Normalise(y); }, random_);
-    if (!climbed.ok()) return climbed.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        auto climbed,
+        Climb(
+            std::move(x), value, PolishBatches(), objective,
+            [this](std::span<const double> y) { return run_.space().Normalise(y); }, random_));
     std::vector<Scan> scans = ScansOf(top);
-    if (climbed->moved) {
-      scans.push_back({climbed->x, run_.space().ToMeasurement(climbed->x), {}});
+    if (climbed.moved) {
+      scans.push_back({climbed.x, run_.space().ToMeasurement(climbed.x), {}});
     }
-    auto indices = AddToPool(std::move(scans));
-    if (!indices.ok()) return indices.status();
-    if (climbed->moved && climbed->value >= start_value && indices->back()) {
-      plan_[place] = *indices->back();
+    SIGHTLINE_ASSIGN_OR_RETURN(auto indices, AddToPool(std::move(scans)));
+    if (climbed.moved && climbed.value >= start_value && indices.back()) {
+      plan_[place] = *indices.back();
     }
     return absl::OkStatus();
   }
@@ -444,12 +439,12 @@ class RefinedPlanner {
     if (places.empty() || OutOfBudget()) return absl::OkStatus();
     const size_t place = places[static_cast<size_t>(failures - 1) % places.size()];
     const std::vector<float> others = KnownFromOthers(place);
-    auto index =
-        SearchScan(others, std::min(Left(), Share(kRelocateShare)), Phase("searching a scan anew"));
-    if (!index.ok()) return index.status();
-    if (*index && run_.GainAfter(others, scans_[**index].shares) >=
-                      run_.GainAfter(others, scans_[plan_[place]].shares)) {
-      plan_[place] = **index;
+    SIGHTLINE_ASSIGN_OR_RETURN(auto index,
+                               SearchScan(others, std::min(Left(), Share(kRelocateShare)),
+                                          Phase("searching a scan anew")));
+    if (index && run_.GainAfter(others, scans_[*index].shares) >=
+                     run_.GainAfter(others, scans_[plan_[place]].shares)) {
+      plan_[place] = *index;
     }
     return absl::OkStatus();
   }

@@ -13,6 +13,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "core/random/random.h"
+#include "core/status/status_macros.h"
 #include "planner_client/optimise/maximise.h"
 #include "planner_client/optimise/search_space.h"
 #include "planner_client/strategy/cover_bits.h"
@@ -230,20 +231,20 @@ class BoundSearch {
   absl::Status Search(std::span<const Measurement> initial) {
     if (goal_targets_ == 0) return absl::OkStatus();
     const int64_t full_round = std::max<int64_t>(1, budget_ / 10);
-    if (auto status = AddColumns({initial.begin(), initial.end()}); !status.ok()) return status;
-    if (auto status = SpreadColumns(); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(AddColumns({initial.begin(), initial.end()}));
+    SIGHTLINE_RETURN_IF_ERROR(SpreadColumns());
     double mixing = kMixing;
     while (Left() > 3 * full_round) {
-      if (auto status = SolveProgramme(); !status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(SolveProgramme());
       // Weights between the programme's and the best known ones jump less from round to round
       // (Wentges 1997).
       std::vector<double> weights = programme_weights_;
       for (size_t t = 0; t < best_weights_.size(); ++t) {
         weights[t] = mixing * best_weights_[t] + (1 - mixing) * weights[t];
       }
-      auto priced = Price(weights, std::min(Left(), kRoundEvaluations), 1);
-      if (!priced.ok()) return priced.status();
-      if (*priced <= 1 + kTolerance) {
+      SIGHTLINE_ASSIGN_OR_RETURN(auto priced,
+                                 Price(weights, std::min(Left(), kRoundEvaluations), 1));
+      if (priced <= 1 + kTolerance) {
         if (mixing == 0) break;
         mixing = 0;
       } else {
@@ -253,12 +254,12 @@ class BoundSearch {
     // The bound's own weights, searched with the full budget of a round. Groups by all columns.
     programme_.reset();
     while (Left() > 0) {
-      if (auto status = SolveProgramme(); !status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(SolveProgramme());
       Consider(programme_weights_);
       const int64_t evaluations = std::min(Left(), full_round);
-      auto priced = Price(best_weights_, evaluations, kFullRoundRestarts);
-      if (!priced.ok()) return priced.status();
-      if (*priced <= 1 + kTolerance && evaluations == full_round) {
+      SIGHTLINE_ASSIGN_OR_RETURN(auto priced,
+                                 Price(best_weights_, evaluations, kFullRoundRestarts));
+      if (priced <= 1 + kTolerance && evaluations == full_round) {
         result_.converged = true;
         break;
       }
@@ -314,10 +315,9 @@ class BoundSearch {
   absl::Status AddColumns(std::vector<Measurement> scans) {
     scans.resize(std::min<size_t>(scans.size(), static_cast<size_t>(std::max<int64_t>(0, Left()))));
     if (scans.empty()) return absl::OkStatus();
-    auto coverage = gain_model_.FastCoverage(scans);
-    if (!coverage.ok()) return coverage.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(auto coverage, gain_model_.FastCoverage(scans));
     for (size_t i = 0; i < scans.size(); ++i) {
-      ScanCoverage& c = (*coverage)[i];
+      ScanCoverage& c = coverage[i];
       if (c.feasibility != ScanFeasibility::kFeasible) continue;
       TargetShares shares = CountingShares(gain_model_, std::move(c));
       if (shares.targets.empty()) continue;
@@ -331,8 +331,7 @@ class BoundSearch {
   // weight; the best different scans become columns, and the weights a candidate for the bound.
   absl::StatusOr<double> Price(const std::vector<double>& weights, int64_t evaluations,
                                int restarts) {
-    auto priced = PriceOnly(weights, evaluations, restarts);
-    if (!priced.ok()) return priced.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(auto priced, PriceOnly(weights, evaluations, restarts));
     Consider(weights);
     ++result_.rounds;
     result_.last_round_evaluations = evaluations;
@@ -348,12 +347,11 @@ class BoundSearch {
       if (Interrupted()) return absl::CancelledError("interrupted");
       std::vector<Measurement> measurements;
       for (const auto& x : points) measurements.push_back(space_.ToMeasurement(x));
-      auto gains = gain_model_.WeightedGains(measurements, weights_f);
-      if (!gains.ok()) return gains.status();
+      SIGHTLINE_ASSIGN_OR_RETURN(auto gains, gain_model_.WeightedGains(measurements, weights_f));
       std::vector<double> values;
-      for (size_t i = 0; i < gains->size(); ++i) {
-        const bool feasible = (*gains)[i].feasibility == ScanFeasibility::kFeasible;
-        values.push_back(feasible ? (*gains)[i].weighted_gain : -1);
+      for (size_t i = 0; i < gains.size(); ++i) {
+        const bool feasible = gains[i].feasibility == ScanFeasibility::kFeasible;
+        values.push_back(feasible ? gains[i].weighted_gain : -1);
         if (values.back() > 0) top.Add(space_.Normalise(points[i]), values.back());
       }
       return values;
@@ -363,13 +361,12 @@ class BoundSearch {
     options.restarts = restarts;
     const int64_t searching =
         std::max<int64_t>(1, evaluations - static_cast<int64_t>(kColumnsPerPricing));
-    auto best = Maximise(Method::kParticleSwarm, space_.dimension(), objective, searching,
-                         random_.Bits(), options);
-    if (!best.ok()) return best.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(auto best, Maximise(Method::kParticleSwarm, space_.dimension(),
+                                                   objective, searching, random_.Bits(), options));
     std::vector<Measurement> scans;
     for (const auto& entry : top.entries()) scans.push_back(space_.ToMeasurement(entry.x));
-    if (auto status = AddColumns(std::move(scans)); !status.ok()) return status;
-    return std::max(0.0, best->value);
+    SIGHTLINE_RETURN_IF_ERROR(AddColumns(std::move(scans)));
+    return std::max(0.0, best.value);
   }
 
   // First columns: searches with weights that halve where the columns so far cover.
@@ -379,8 +376,7 @@ class BoundSearch {
     const int64_t until = Left() * 4 / 5;
     while (Left() > until) {
       const size_t before = columns_.size();
-      auto best = PriceOnly(weights, std::min<int64_t>(Left(), 1000), 1);
-      if (!best.ok()) return best.status();
+      SIGHTLINE_RETURN_IF_ERROR(PriceOnly(weights, std::min<int64_t>(Left(), 1000), 1).status());
       if (columns_.size() == before) break;
       const TargetBits satisfied = MostlySatisfied(columns_[before], weights.size());
       for (size_t t = 0; t < weights.size(); ++t) {
@@ -431,10 +427,9 @@ absl::Status TakeIntoAccount(GainModel& gain_model, const MeasurementDomain& dom
   const bool inside = std::all_of(plan.begin(), plan.end(),
                                   [&](const Measurement& scan) { return domain.Contains(scan); });
   if (bound.weights.empty() || plan.empty() || !inside) return absl::OkStatus();
-  auto coverage = gain_model.FastCoverage(plan);
-  if (!coverage.ok()) return coverage.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto coverage, gain_model.FastCoverage(plan));
   double heaviest = 1;
-  for (ScanCoverage& scan : *coverage) {
+  for (ScanCoverage& scan : coverage) {
     if (scan.feasibility != ScanFeasibility::kFeasible) continue;
     heaviest =
         std::max(heaviest, WeightOf(CountingShares(gain_model, std::move(scan)), bound.weights));

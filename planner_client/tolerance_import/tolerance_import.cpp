@@ -8,6 +8,7 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "core/json/strict_json.h"
+#include "core/status/status_macros.h"
 #include "core/tolerance/qif/qif_reader.h"
 #include "core/tolerance/tolerance_proto.h"
 #include "planner_client/part_files/step_program.h"
@@ -81,9 +82,9 @@ absl::StatusOr<ImportedTolerances> ImportTolerances(const std::string& file,
   std::error_code error;
   if (!fs::is_regular_file(file, error)) return absl::NotFoundError(file + ": no such file");
   if (step) return ImportStep(file, options);
-  auto report = ReadQif(file, options.qif_schema_folder, options.length_unit);
-  if (!report.ok()) return report.status();
-  return ImportedTolerances{*std::move(report), {}};
+  SIGHTLINE_ASSIGN_OR_RETURN(auto report,
+                             ReadQif(file, options.qif_schema_folder, options.length_unit));
+  return ImportedTolerances{std::move(report), {}};
 }
 
 }  // namespace sightline

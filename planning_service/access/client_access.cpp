@@ -16,6 +16,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/status/status_macros.h"
 #include "planning_service/access/clients_file.h"
 #include "proto/status/rpc_status.h"
 
@@ -198,11 +199,9 @@ bool Client::MayAsk(const std::string& kind) const {
 std::unique_ptr<ClientAccess> AllowEverybody() { return std::make_unique<EverybodyAccess>(); }
 
 absl::StatusOr<std::unique_ptr<ClientAccess>> ReadClientAccess(const std::string& file) {
-  absl::StatusOr<FileContent> content = ReadFile(file);
-  if (!content.ok()) return content.status();
-  absl::StatusOr<KnownClients> known = ParseClientsFile(content->text, file);
-  if (!known.ok()) return known.status();
-  return std::make_unique<FileClientAccess>(file, content->version, *std::move(known));
+  SIGHTLINE_ASSIGN_OR_RETURN(FileContent content, ReadFile(file));
+  SIGHTLINE_ASSIGN_OR_RETURN(KnownClients known, ParseClientsFile(content.text, file));
+  return std::make_unique<FileClientAccess>(file, content.version, std::move(known));
 }
 
 }  // namespace sightline

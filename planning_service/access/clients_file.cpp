@@ -11,6 +11,7 @@
 #include "absl/strings/str_join.h"
 #include "core/digest/sha256.h"
 #include "core/json/strict_json.h"
+#include "core/status/status_macros.h"
 #include "sightline/v1/planning_access.pb.h"
 
 namespace sightline {
@@ -60,10 +61,7 @@ class Reader {
                                            kMaxClients, " are allowed"));
     }
     for (int i = 0; i < entries.clients_size(); ++i) {
-      if (absl::Status status = Add(entries.clients(i), absl::StrCat("clients[", i, "]"));
-          !status.ok()) {
-        return status;
-      }
+      SIGHTLINE_RETURN_IF_ERROR(Add(entries.clients(i), absl::StrCat("clients[", i, "]")));
     }
     return std::move(known_);
   }
@@ -99,8 +97,8 @@ class Reader {
       return Error(who, "needs certificate_names, token_sha256 or both");
     }
     const size_t index = known_.clients.size();
-    if (absl::Status status = AddCertificateNames(entry, who, index); !status.ok()) return status;
-    if (absl::Status status = AddToken(entry, who); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(AddCertificateNames(entry, who, index));
+    SIGHTLINE_RETURN_IF_ERROR(AddToken(entry, who));
 
     for (const std::string& kind : entry.kinds()) {
       if (std::find(std::begin(kKinds), std::end(kKinds), kind) == std::end(kKinds)) {

@@ -19,6 +19,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "core/digest/sha256.h"
+#include "core/status/status_macros.h"
 #include "proto/status/rpc_status.h"
 
 namespace sightline {
@@ -245,9 +246,8 @@ struct ArtefactWriter::Impl {
     }
     const std::string target = PathOf(folder, name);
     const std::string target_folder = fs::path(target).parent_path().string();
-    if (absl::Status made = MakeFolder(target_folder); !made.ok()) return made;
-    const auto lock = LockNames(folder, LOCK_SH);
-    if (!lock.ok()) return lock.status();
+    SIGHTLINE_RETURN_IF_ERROR(MakeFolder(target_folder));
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto lock, LockNames(folder, LOCK_SH));
     // A file that is there already is replaced: its age is then that of this one, and damage to it
     // is mended.
     if (rename(path.c_str(), target.c_str()) != 0) {
@@ -299,9 +299,8 @@ absl::StatusOr<std::string> ArtefactWriter::Digest(const std::string& expected_d
 
 absl::StatusOr<std::string> ArtefactWriter::Commit(const std::string& expected_digest) {
   if (impl_->discarded) return absl::FailedPreconditionError("the bytes were discarded");
-  absl::StatusOr<std::string> digest = Digest(expected_digest);
-  if (!digest.ok()) return digest;
-  if (absl::Status kept = impl_->Keep(*digest); !kept.ok()) return impl_->status = kept;
+  SIGHTLINE_ASSIGN_OR_RETURN(std::string digest, Digest(expected_digest));
+  if (absl::Status kept = impl_->Keep(digest); !kept.ok()) return impl_->status = kept;
   return digest;
 }
 
@@ -313,7 +312,7 @@ absl::StatusOr<std::unique_ptr<ArtefactStore>> ArtefactStore::Open(const std::st
   std::error_code error;
   fs::create_directories(fs::path(folder).parent_path(), error);  // MakeFolder reports it
   for (const std::string& made : {folder, absl::StrCat(folder, "/", kIncoming)}) {
-    if (absl::Status status = MakeFolder(made); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(MakeFolder(made));
   }
   // A full disk must not keep the service from starting: results can still be read.
   const auto now = FileTimeNow(folder);
@@ -333,27 +332,23 @@ absl::StatusOr<std::unique_ptr<ArtefactWriter>> ArtefactStore::NewFile() {
   impl->folder = folder_;
   impl->reserve_bytes = reserve_bytes_;
   std::string path = absl::StrCat(folder_, "/", kIncoming, "/file.XXXXXX");
-  auto fd = NewTemporary(&path);
-  if (!fd.ok()) return fd.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto fd, NewTemporary(&path));
   impl->path = path;
-  impl->fd = *std::move(fd);
+  impl->fd = std::move(fd);
   return std::unique_ptr<ArtefactWriter>(new ArtefactWriter(std::move(impl)));
 }
 
 absl::StatusOr<ArtefactStore::Added> ArtefactStore::AddFile(const std::string& path) {
   struct stat info {};
-  const auto source = OpenRegular(path, &info);
-  if (!source.ok()) return source.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto source, OpenRegular(path, &info));
   if (!HasMoreThan(folder_, reserve_bytes_ + info.st_size)) {
     return DiskFull(absl::StrCat(folder_, ": no room for ", info.st_size, " bytes"));
   }
-  auto writer = NewFile();
-  if (!writer.ok()) return writer.status();
-  ArtefactWriter::Impl& impl = *(*writer)->impl_;
-  const auto copied = Copy(source->get(), path, impl.fd.get(), impl.path);
-  if (!copied.ok()) return copied.status();
-  if (absl::Status kept = impl.Keep(copied->digest); !kept.ok()) return kept;
-  return Added{copied->digest, copied->size_bytes};
+  SIGHTLINE_ASSIGN_OR_RETURN(auto writer, NewFile());
+  ArtefactWriter::Impl& impl = *writer->impl_;
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto copied, Copy(source.get(), path, impl.fd.get(), impl.path));
+  SIGHTLINE_RETURN_IF_ERROR(impl.Keep(copied.digest));
+  return Added{copied.digest, copied.size_bytes};
 }
 
 std::set<std::string> ArtefactStore::Digests() const {
@@ -383,19 +378,17 @@ absl::StatusOr<std::string> ArtefactStore::Read(const std::string& digest, int64
     return absl::InvalidArgumentError(
         absl::StrCat("offset ", offset, " and limit ", limit, " must not be negative"));
   }
-  const auto path = Path(digest);
-  if (!path.ok()) return path.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto path, Path(digest));
   struct stat info {};
-  const auto fd = OpenRegular(*path, &info);
-  if (!fd.ok()) return fd.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto fd, OpenRegular(path, &info));
   const int64_t left = std::max<int64_t>(info.st_size - offset, 0);
   std::string bytes(std::min({limit, left, kMaxReadBytes}), '\0');
   size_t filled = 0;
   while (filled < bytes.size()) {
-    const ssize_t size = pread(fd->get(), bytes.data() + filled, bytes.size() - filled,
+    const ssize_t size = pread(fd.get(), bytes.data() + filled, bytes.size() - filled,
                                offset + static_cast<int64_t>(filled));
     if (size < 0 && errno == EINTR) continue;
-    if (size < 0) return FileError(errno, *path, "cannot be read");
+    if (size < 0) return FileError(errno, path, "cannot be read");
     if (size == 0) break;
     filled += size;
   }
@@ -404,10 +397,9 @@ absl::StatusOr<std::string> ArtefactStore::Read(const std::string& digest, int64
 }
 
 absl::StatusOr<std::string> ArtefactStore::CheckedPath(const std::string& digest) const {
-  absl::StatusOr<std::string> path = Path(digest);
-  if (!path.ok()) return path;
+  SIGHTLINE_ASSIGN_OR_RETURN(std::string path, Path(digest));
   struct stat info {};
-  if (stat(path->c_str(), &info) != 0) return FileError(errno, *path, "cannot be read");
+  if (stat(path.c_str(), &info) != 0) return FileError(errno, path, "cannot be read");
   const Checked now = {info.st_ino,
                        int64_t{info.st_mtim.tv_sec} * 1'000'000'000 + info.st_mtim.tv_nsec,
                        info.st_size};
@@ -416,10 +408,9 @@ absl::StatusOr<std::string> ArtefactStore::CheckedPath(const std::string& digest
     const auto known = checked_.find(digest);
     if (known != checked_.end() && known->second == now) return path;
   }
-  const absl::StatusOr<FileDigest> actual = DigestOfFile(*path);
-  if (!actual.ok()) return actual.status();
-  if (actual->sha256 != digest) {
-    return absl::DataLossError(absl::StrCat(*path, ": is damaged: its digest is ", actual->sha256));
+  SIGHTLINE_ASSIGN_OR_RETURN(const FileDigest actual, DigestOfFile(path));
+  if (actual.sha256 != digest) {
+    return absl::DataLossError(absl::StrCat(path, ": is damaged: its digest is ", actual.sha256));
   }
   // A change within one tick of the file system's clock would keep the time of change.
   if (absl::Now() - absl::TimeFromTimespec(info.st_mtim) < absl::Seconds(1)) return path;
@@ -430,26 +421,23 @@ absl::StatusOr<std::string> ArtefactStore::CheckedPath(const std::string& digest
 }
 
 absl::Status ArtefactStore::Materialise(const std::string& digest, const std::string& path) const {
-  const auto stored = Path(digest);
-  if (!stored.ok()) return stored.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto stored, Path(digest));
   struct stat info {};
-  const auto source = OpenRegular(*stored, &info);
-  if (!source.ok()) return source.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto source, OpenRegular(stored, &info));
   const fs::path parent = fs::path(path).parent_path();
   std::error_code error;
   if (!parent.empty()) fs::create_directories(parent, error);
   if (error) return FileError(error.value(), parent.string(), "cannot be made");
   // A file under its name is complete, even if an ended process left temporary files.
   std::string part = absl::StrCat(path, ".XXXXXX");
-  auto target = NewTemporary(&part);
-  if (!target.ok()) return target.status();
-  const auto copied = Copy(source->get(), *stored, target->get(), part);
+  SIGHTLINE_ASSIGN_OR_RETURN(auto target, NewTemporary(&part));
+  const auto copied = Copy(source.get(), stored, target.get(), part);
   absl::Status status = copied.status();
   if (status.ok() && copied->digest != digest) {
     status =
-        absl::DataLossError(absl::StrCat(*stored, ": is damaged: its digest is ", copied->digest));
+        absl::DataLossError(absl::StrCat(stored, ": is damaged: its digest is ", copied->digest));
   }
-  if (status.ok() && fchmod(target->get(), 0400) != 0) {
+  if (status.ok() && fchmod(target.get(), 0400) != 0) {
     status = FileError(errno, part, "cannot be changed");
   }
   if (status.ok() && rename(part.c_str(), path.c_str()) != 0) {
@@ -462,9 +450,8 @@ absl::Status ArtefactStore::Materialise(const std::string& digest, const std::st
 ArtefactHold::~ArtefactHold() { close(fd_); }
 
 absl::StatusOr<std::unique_ptr<ArtefactHold>> ArtefactStore::Hold() {
-  auto lock = Lock(folder_, kHoldFile, LOCK_SH);
-  if (!lock.ok()) return lock.status();
-  return std::unique_ptr<ArtefactHold>(new ArtefactHold(lock->Release()));
+  SIGHTLINE_ASSIGN_OR_RETURN(auto lock, Lock(folder_, kHoldFile, LOCK_SH));
+  return std::unique_ptr<ArtefactHold>(new ArtefactHold(lock.Release()));
 }
 
 absl::StatusOr<int64_t> ArtefactStore::RemoveAllBut(const std::set<std::string>& keep,
@@ -473,19 +460,17 @@ absl::StatusOr<int64_t> ArtefactStore::RemoveAllBut(const std::set<std::string>&
   if (absl::IsAborted(alone.status())) return 0;
   // On a disk too full for even the lock's file, removal is still allowed.
   if (!alone.ok() && !absl::IsResourceExhausted(alone.status())) return alone.status();
-  const auto now = FileTimeNow(folder_);
-  if (!now.ok()) return now.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto now, FileTimeNow(folder_));
   int64_t freed_bytes = 0;
   for (int first = 0; first < 256; ++first) {
     const std::string folder = FolderOf(folder_, first);
     for (const std::string& name : NamesIn(folder)) {
       if (!IsDigest(name) || keep.count(name) > 0) continue;
       const std::string path = absl::StrCat(folder, "/", name);
-      const auto lock = LockNames(folder_, LOCK_EX);
-      if (!lock.ok()) return lock.status();
+      SIGHTLINE_ASSIGN_OR_RETURN(const auto lock, LockNames(folder_, LOCK_EX));
       struct stat info {};
       if (lstat(path.c_str(), &info) != 0 || !S_ISREG(info.st_mode)) continue;
-      if (*now - absl::TimeFromTimespec(info.st_mtim) < min_age) continue;
+      if (now - absl::TimeFromTimespec(info.st_mtim) < min_age) continue;
       if (unlink(path.c_str()) != 0) return FileError(errno, path, "cannot be removed");
       freed_bytes += info.st_size;
     }

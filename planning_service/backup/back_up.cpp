@@ -14,6 +14,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/file/atomic_write.h"
+#include "core/status/status_macros.h"
 #include "planning_service/artefact_store/artefact_store.h"
 #include "planning_service/job_store/database_identity.h"
 #include "planning_service/job_store/planning_job_store.h"
@@ -78,9 +79,8 @@ absl::Status CheckFolders(const std::string& data_folder, const std::string& bac
 
 // Digests that a copied database names.
 absl::StatusOr<std::set<std::string>> NamedIn(const std::string& database) {
-  auto store = OpenSqliteJobStore(database);
-  if (!store.ok()) return store.status();
-  return (*store)->NamedDigests();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto store, OpenSqliteJobStore(database));
+  return store->NamedDigests();
 }
 
 bool HaveJobInCommon(PlanningJobStore* one, PlanningJobStore* other) {
@@ -100,33 +100,28 @@ bool HaveJobInCommon(PlanningJobStore* one, PlanningJobStore* other) {
 // only an earlier backup of the same jobs may.
 absl::Status CheckReplaceable(const std::string& database, const std::string& copy) {
   const std::string folder = fs::path(database).parent_path().string();
-  const auto theirs = ReadSqliteIdentity(database);
-  if (!theirs.ok()) return theirs.status();
-  const auto ours = ReadSqliteIdentity(copy);
-  if (!ours.ok()) return ours.status();
-  if (*theirs && !(*theirs)->is_unchanged_copy) {
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto theirs, ReadSqliteIdentity(database));
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto ours, ReadSqliteIdentity(copy));
+  if (theirs && !theirs->is_unchanged_copy) {
     return absl::FailedPreconditionError(
         absl::StrCat(folder,
                      ": has jobs of a service that worked with this folder, so that it is"
                      " no backup; nothing was changed. Choose another folder"));
   }
-  if (*theirs && *ours) {
-    if (DescendsFrom(**ours, **theirs)) return absl::OkStatus();
+  if (theirs && ours) {
+    if (DescendsFrom(*ours, *theirs)) return absl::OkStatus();
     return absl::FailedPreconditionError(
-        absl::StrCat(folder, ": holds the backup of another service (", (*theirs)->identity,
-                     ", not ", (*ours)->identity, "); nothing was changed. Choose another folder"));
+        absl::StrCat(folder, ": holds the backup of another service (", theirs->identity, ", not ",
+                     ours->identity, "); nothing was changed. Choose another folder"));
   }
   // One of the two is of an older version, which made no identities.
-  const auto target = OpenSqliteJobStore(database);
-  if (!target.ok()) return target.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto target, OpenSqliteJobStore(database));
   PlanningJobFilter any;
   any.limit = 1;
-  const auto jobs = (*target)->List(any);
-  if (!jobs.ok()) return jobs.status();
-  if (jobs->empty()) return absl::OkStatus();
-  const auto source = OpenSqliteJobStore(copy);
-  if (!source.ok()) return source.status();
-  if (HaveJobInCommon(target->get(), source->get())) return absl::OkStatus();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto jobs, target->List(any));
+  if (jobs.empty()) return absl::OkStatus();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto source, OpenSqliteJobStore(copy));
+  if (HaveJobInCommon(target.get(), source.get())) return absl::OkStatus();
   return absl::FailedPreconditionError(
       absl::StrCat(folder,
                    ": has jobs, and none of them is of the data folder; nothing was"
@@ -161,17 +156,12 @@ absl::Status Conclude(const std::string& copy, const std::string& database) {
 absl::StatusOr<BackupReport> BackUp(const std::string& data_folder,
                                     const std::string& backup_folder, bool only_files,
                                     const std::atomic<bool>& stop) {
-  if (absl::Status folders = CheckFolders(data_folder, backup_folder); !folders.ok()) {
-    return folders;
-  }
-  const auto from = ArtefactStore::Open(In(data_folder, "artefacts"), 0);
-  if (!from.ok()) return from.status();
-  const auto to = ArtefactStore::Open(In(backup_folder, "artefacts"), 0);
-  if (!to.ok()) return to.status();
+  SIGHTLINE_RETURN_IF_ERROR(CheckFolders(data_folder, backup_folder));
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto from, ArtefactStore::Open(In(data_folder, "artefacts"), 0));
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto to, ArtefactStore::Open(In(backup_folder, "artefacts"), 0));
   // Files that the copied database names are held until they are copied, even if the service
   // forgets them meanwhile.
-  const auto hold = (*from)->Hold();
-  if (!hold.ok()) return hold.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto hold, from->Hold());
 
   const std::string database = In(backup_folder, kDatabase);
   const std::string copy = absl::StrCat(database, ".new");
@@ -193,30 +183,22 @@ absl::StatusOr<BackupReport> BackUp(const std::string& data_folder,
                        ": is the data folder of a service; nothing was changed."
                        " Choose another folder"));
     }
-    if (absl::Status marked = WriteFileAtomically(In(backup_folder, kBackupMark), "", kPrivateFile);
-        !marked.ok()) {
-      return marked;
-    }
-    named = (*from)->Digests();
+    SIGHTLINE_RETURN_IF_ERROR(
+        WriteFileAtomically(In(backup_folder, kBackupMark), "", kPrivateFile));
+    named = from->Digests();
   } else {
     RemoveDatabase(copy);
-    if (absl::Status copied = CopySqliteDatabase(In(data_folder, kDatabase), copy); !copied.ok()) {
-      return copied;
-    }
+    SIGHTLINE_RETURN_IF_ERROR(CopySqliteDatabase(In(data_folder, kDatabase), copy));
     std::error_code error;
     if (fs::exists(database, error)) {
       if (absl::Status allowed = CheckReplaceable(database, copy); !allowed.ok()) {
         RemoveDatabase(copy);
         return allowed;
       }
-      auto opened = OpenSqliteDatabase(database);
-      if (!opened.ok()) return opened.status();
-      earlier = *std::move(opened);
+      SIGHTLINE_ASSIGN_OR_RETURN(earlier, OpenSqliteDatabase(database));
     }
-    if (absl::Status marked = MarkSqliteCopy(copy); !marked.ok()) return marked;
-    auto digests = NamedIn(copy);
-    if (!digests.ok()) return digests.status();
-    named = *std::move(digests);
+    SIGHTLINE_RETURN_IF_ERROR(MarkSqliteCopy(copy));
+    SIGHTLINE_ASSIGN_OR_RETURN(named, NamedIn(copy));
   }
 
   BackupReport report;
@@ -224,27 +206,23 @@ absl::StatusOr<BackupReport> BackUp(const std::string& data_folder,
     if (stop)
       return absl::CancelledError("the backup was stopped; the folder holds the one before");
     ++report.files;
-    if ((*to)->Has(digest)) continue;
-    const auto path = (*from)->Path(digest);
+    if (to->Has(digest)) continue;
+    const auto path = from->Path(digest);
     if (!path.ok()) {
       return absl::DataLossError(
           absl::StrCat(data_folder, ": a job names the file ", digest, ", which is gone"));
     }
-    const auto added = (*to)->AddFile(*path);
-    if (!added.ok()) return added.status();
-    if (added->digest != digest) {
-      return absl::DataLossError(
-          absl::StrCat(*path, ": is damaged: its digest is ", added->digest));
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto added, to->AddFile(*path));
+    if (added.digest != digest) {
+      return absl::DataLossError(absl::StrCat(*path, ": is damaged: its digest is ", added.digest));
     }
     ++report.copied_files;
-    report.copied_bytes += added->size_bytes;
+    report.copied_bytes += added.size_bytes;
   }
   if (!only_files) {
-    if (absl::Status concluded = Conclude(copy, database); !concluded.ok()) return concluded;
+    SIGHTLINE_RETURN_IF_ERROR(Conclude(copy, database));
   }
-  if (const auto freed = (*to)->RemoveAllBut(named, absl::ZeroDuration()); !freed.ok()) {
-    return freed.status();
-  }
+  SIGHTLINE_RETURN_IF_ERROR(to->RemoveAllBut(named, absl::ZeroDuration()).status());
   return report;
 }
 

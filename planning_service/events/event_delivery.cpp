@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "core/random/counter_random.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -114,7 +115,7 @@ absl::Status EventDelivery::Step(Lane* lane) {
     lane->cursor_is_saved = true;
     return absl::OkStatus();
   };
-  if (absl::Status saved = save(); !saved.ok()) return saved;
+  SIGHTLINE_RETURN_IF_ERROR(save());
   const absl::StatusOr<std::vector<JobEvent>> events =
       store_->Events(*lane->cursor, std::nullopt, kEventsAtATime);
   if (!events.ok()) return absl::UnavailableError(events.status().message());
@@ -122,7 +123,7 @@ absl::Status EventDelivery::Step(Lane* lane) {
   if (events->empty()) {
     if (lane->failures > 0 || !lane->ready_since ||
         SteadyClock::now() - *lane->ready_since > kReadyInterval) {
-      if (absl::Status ready = receiver.KeepReady(); !ready.ok()) return ready;
+      SIGHTLINE_RETURN_IF_ERROR(receiver.KeepReady());
       NoteSuccess(lane);
     }
     store_->WaitForEvent(*lane->cursor, kLongestStoreWait);
@@ -130,7 +131,7 @@ absl::Status EventDelivery::Step(Lane* lane) {
   }
   for (const JobEvent& event : *events) {
     if (stopped_ || !store_->HoldsReceiver(name)) return absl::OkStatus();
-    if (absl::Status delivered = receiver.Deliver(event); !delivered.ok()) return delivered;
+    SIGHTLINE_RETURN_IF_ERROR(receiver.Deliver(event));
     // Kept here too: while the store does not answer, delivered events are not delivered again.
     lane->cursor = event.sequence;
     lane->cursor_is_saved = false;
@@ -139,7 +140,7 @@ absl::Status EventDelivery::Step(Lane* lane) {
       ++lane->state.delivered_events;
     }
     NoteSuccess(lane);
-    if (absl::Status saved = save(); !saved.ok()) return saved;
+    SIGHTLINE_RETURN_IF_ERROR(save());
   }
   return absl::OkStatus();
 }

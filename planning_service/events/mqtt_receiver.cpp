@@ -10,6 +10,7 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "core/status/status_macros.h"
 #include "planning_service/events/event_json.h"
 #include "planning_service/events/mqtt_connection.h"
 #include "planning_service/events/read_secret.h"
@@ -50,11 +51,10 @@ absl::StatusOr<Credentials> ReadCredentials(const std::string& file) {
     }
     return credentials;
   }
-  absl::StatusOr<std::string> text = ReadSecret(kCredentialsOption, file);
-  if (!text.ok()) return text.status();
-  const size_t end = text->find('\n');
-  Credentials credentials{text->substr(0, end),
-                          end == std::string::npos ? "" : text->substr(end + 1)};
+  SIGHTLINE_ASSIGN_OR_RETURN(std::string text, ReadSecret(kCredentialsOption, file));
+  const size_t end = text.find('\n');
+  Credentials credentials{text.substr(0, end),
+                          end == std::string::npos ? "" : text.substr(end + 1)};
   if (!credentials.user.empty() && credentials.user.back() == '\r') credentials.user.pop_back();
   if (credentials.user.empty() || credentials.password.empty() ||
       absl::StrContains(credentials.password, "\n")) {
@@ -110,24 +110,18 @@ class MqttReceiver final : public EventReceiver {
 
   absl::Status KeepReady() override {
     if (connection_.IsConnected()) return absl::OkStatus();
-    absl::StatusOr<Credentials> credentials = ReadCredentials(options_.credentials_file);
-    if (!credentials.ok()) return credentials.status();
-    settings_.user = credentials->user;
-    settings_.password = credentials->password;
+    SIGHTLINE_ASSIGN_OR_RETURN(Credentials credentials, ReadCredentials(options_.credentials_file));
+    settings_.user = credentials.user;
+    settings_.password = credentials.password;
     // Paho looks names up with a lock that all its clients need: only names that are known to be
     // answered.
-    if (absl::Status known = CheckHostResolves(url_.host, kResolveTimeout, interrupted_);
-        !known.ok()) {
-      return known;
-    }
-    if (absl::Status status = connection_.Connect(settings_, kConnectTimeout); !status.ok()) {
-      return status;
-    }
+    SIGHTLINE_RETURN_IF_ERROR(CheckHostResolves(url_.host, kResolveTimeout, interrupted_));
+    SIGHTLINE_RETURN_IF_ERROR(connection_.Connect(settings_, kConnectTimeout));
     return connection_.Publish(StatusTopic(), kOnline, /*retained=*/true, kPublishTimeout);
   }
 
   absl::Status Deliver(const JobEvent& event) override {
-    if (absl::Status ready = KeepReady(); !ready.ok()) return ready;
+    SIGHTLINE_RETURN_IF_ERROR(KeepReady());
     return connection_.Publish(
         absl::StrCat(options_.topic_prefix, "/jobs/", event.job.job_id, "/", event.type),
         EventJson(event), /*retained=*/false, kPublishTimeout);
@@ -146,25 +140,24 @@ class MqttReceiver final : public EventReceiver {
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<EventReceiver>> MakeMqttReceiver(const MqttOptions& options) {
-  absl::StatusOr<ReceiverUrl> url = ParseReceiverUrl(kMqttUrlOption, options.url);
-  if (!url.ok()) return url.status();
-  const bool is_tls = url->scheme == "ssl" || url->scheme == "mqtts";
-  if (!is_tls && url->scheme != "tcp" && url->scheme != "mqtt") {
+  SIGHTLINE_ASSIGN_OR_RETURN(ReceiverUrl url, ParseReceiverUrl(kMqttUrlOption, options.url));
+  const bool is_tls = url.scheme == "ssl" || url.scheme == "mqtts";
+  if (!is_tls && url.scheme != "tcp" && url.scheme != "mqtt") {
     return absl::InvalidArgumentError(
-        absl::StrCat(kMqttUrlOption, ": scheme ", url->scheme, " must be ssl, mqtts, tcp or mqtt"));
+        absl::StrCat(kMqttUrlOption, ": scheme ", url.scheme, " must be ssl, mqtts, tcp or mqtt"));
   }
-  if (url->path != "/") {
+  if (url.path != "/") {
     return absl::InvalidArgumentError(absl::StrCat(
         kMqttUrlOption, ": ends after host and port; topics are set by ", kPrefixOption));
   }
-  if (!is_tls && !url->is_loopback && !options.allow_plaintext) {
+  if (!is_tls && !url.is_loopback && !options.allow_plaintext) {
     return absl::InvalidArgumentError(absl::StrCat(
-        kMqttUrlOption, ": ", url->scheme, " to ", url->host,
+        kMqttUrlOption, ": ", url.scheme, " to ", url.host,
         " would send job events and password over the network in plain text; use ssl://, or allow "
         "it with --allow-plaintext"));
   }
-  if (url->port == 0) url->port = is_tls ? 8883 : 1883;
-  if (absl::Status status = CheckPrefix(options.topic_prefix); !status.ok()) return status;
+  if (url.port == 0) url.port = is_tls ? 8883 : 1883;
+  SIGHTLINE_RETURN_IF_ERROR(CheckPrefix(options.topic_prefix));
   if (options.certificate_file.empty() != options.key_file.empty()) {
     return absl::InvalidArgumentError("--mqtt-cert and --mqtt-key belong together");
   }
@@ -180,10 +173,8 @@ absl::StatusOr<std::unique_ptr<EventReceiver>> MakeMqttReceiver(const MqttOption
       return absl::InvalidArgumentError(absl::StrCat(option, " ", *file, ": cannot be read"));
     }
   }
-  if (absl::StatusOr<Credentials> c = ReadCredentials(options.credentials_file); !c.ok()) {
-    return c.status();
-  }
-  return std::make_unique<MqttReceiver>(options, *std::move(url), is_tls);
+  SIGHTLINE_RETURN_IF_ERROR(ReadCredentials(options.credentials_file).status());
+  return std::make_unique<MqttReceiver>(options, std::move(url), is_tls);
 }
 
 }  // namespace sightline

@@ -12,6 +12,7 @@
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
+#include "core/status/status_macros.h"
 #include "planning_service/events/event_json.h"
 #include "planning_service/events/read_secret.h"
 #include "planning_service/events/receiver_url.h"
@@ -72,15 +73,14 @@ class WebhookReceiver final : public EventReceiver {
   }
 
   absl::Status Deliver(const JobEvent& event) override {
-    absl::StatusOr<std::string> secret = ReadWebhookSecret(options_.secret_file);
-    if (!secret.ok()) return secret.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(std::string secret, ReadWebhookSecret(options_.secret_file));
     const std::string body = EventJson(event);
     Headers headers;
     headers.Add("Content-Type: application/json");
     headers.Add("Expect:");
     headers.Add(absl::StrCat("X-Sightline-Event: ", event.type));
     headers.Add(absl::StrCat("X-Sightline-Delivery: ", event.sequence));
-    headers.Add(absl::StrCat("X-Sightline-Signature: sha256=", Signature(*secret, body)));
+    headers.Add(absl::StrCat("X-Sightline-Signature: sha256=", Signature(secret, body)));
 
     const std::unique_ptr<CURL, decltype(&curl_easy_cleanup)> call(curl_easy_init(),
                                                                    &curl_easy_cleanup);
@@ -158,22 +158,19 @@ class WebhookReceiver final : public EventReceiver {
 absl::StatusOr<std::unique_ptr<EventReceiver>> MakeWebhookReceiver(const WebhookOptions& options) {
   static std::once_flag initialised;
   std::call_once(initialised, [] { curl_global_init(CURL_GLOBAL_DEFAULT); });
-  absl::StatusOr<ReceiverUrl> url = ParseReceiverUrl(kWebhookUrlOption, options.url);
-  if (!url.ok()) return url.status();
-  if (url->scheme != "http" && url->scheme != "https") {
+  SIGHTLINE_ASSIGN_OR_RETURN(ReceiverUrl url, ParseReceiverUrl(kWebhookUrlOption, options.url));
+  if (url.scheme != "http" && url.scheme != "https") {
     return absl::InvalidArgumentError(
-        absl::StrCat(kWebhookUrlOption, ": scheme ", url->scheme, " must be https or http"));
+        absl::StrCat(kWebhookUrlOption, ": scheme ", url.scheme, " must be https or http"));
   }
-  if (url->scheme == "http" && !url->is_loopback && !options.allow_plaintext) {
+  if (url.scheme == "http" && !url.is_loopback && !options.allow_plaintext) {
     return absl::InvalidArgumentError(absl::StrCat(
-        kWebhookUrlOption, ": http to ", url->host,
+        kWebhookUrlOption, ": http to ", url.host,
         " would send job events over the network in plain text; use https, or allow it with "
         "--allow-plaintext"));
   }
-  if (url->port == 0) url->port = url->scheme == "https" ? 443 : 80;
-  if (absl::StatusOr<std::string> secret = ReadWebhookSecret(options.secret_file); !secret.ok()) {
-    return secret.status();
-  }
+  if (url.port == 0) url.port = url.scheme == "https" ? 443 : 80;
+  SIGHTLINE_RETURN_IF_ERROR(ReadWebhookSecret(options.secret_file).status());
   if (!options.ca_file.empty() && access(options.ca_file.c_str(), R_OK) != 0) {
     return absl::InvalidArgumentError(
         absl::StrCat("--webhook-ca ", options.ca_file, ": cannot be read"));
@@ -181,7 +178,7 @@ absl::StatusOr<std::unique_ptr<EventReceiver>> MakeWebhookReceiver(const Webhook
   if (options.timeout < absl::Milliseconds(100) || options.timeout > absl::Seconds(30)) {
     return absl::InvalidArgumentError("timeout of webhooks must be in [100 ms, 30 s]");
   }
-  return std::make_unique<WebhookReceiver>(options, *std::move(url));
+  return std::make_unique<WebhookReceiver>(options, std::move(url));
 }
 
 }  // namespace sightline

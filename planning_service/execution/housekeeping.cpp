@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/status/status_macros.h"
 #include "proto/status/rpc_status.h"
 
 namespace sightline {
@@ -37,14 +38,11 @@ Housekeeping::~Housekeeping() {
 }
 
 absl::Status Housekeeping::RemoveOld() {
-  const auto removed = store_->RemoveOlderThan(options_.keep_finished);
-  if (!removed.ok()) return removed.status();
-  const auto named = store_->NamedDigests();
-  if (!named.ok()) return named.status();
-  const auto freed = artefacts_->RemoveAllBut(*named, kLeastFileAge);
-  if (!freed.ok()) return freed.status();
-  if (*removed > 0 || *freed > 0) {
-    spdlog::info("event=removed_old jobs={} bytes={}", *removed, *freed);
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto removed, store_->RemoveOlderThan(options_.keep_finished));
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto named, store_->NamedDigests());
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto freed, artefacts_->RemoveAllBut(named, kLeastFileAge));
+  if (removed > 0 || freed > 0) {
+    spdlog::info("event=removed_old jobs={} bytes={}", removed, freed);
   }
   std::error_code error;
   std::vector<fs::path> folders;

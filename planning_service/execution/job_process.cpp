@@ -17,6 +17,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/process/start_process.h"
+#include "core/status/status_macros.h"
 #include "planning_service/execution/process_memory.h"
 
 namespace sightline {
@@ -88,9 +89,7 @@ class ChildProcess {
       }
       start.environment.push_back(absl::StrCat("TMPDIR=", options.temporary_folder));
     }
-    const absl::StatusOr<pid_t> started = StartProcess(start);
-    if (!started.ok()) return started.status();
-    pid_ = *started;
+    SIGHTLINE_ASSIGN_OR_RETURN(pid_, StartProcess(start));
     return absl::OkStatus();
   }
 
@@ -140,7 +139,7 @@ class ChildProcess {
 absl::StatusOr<JobProcessEnd> RunJobProcess(const JobProcessOptions& options,
                                             const std::function<bool(const JobProgress&)>& go_on) {
   ChildProcess child;
-  if (absl::Status started = child.Start(options); !started.ok()) return started;
+  SIGHTLINE_RETURN_IF_ERROR(child.Start(options));
   const Clock::time_point start = Clock::now();
   Clock::time_point memory_looked_at = start;
   std::optional<JobProcessEnd::Kind> stopping;

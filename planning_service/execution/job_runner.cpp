@@ -16,6 +16,7 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "core/status/status_macros.h"
 #include "core/trace/trace_context.h"
 #include "planning_service/execution/server_paths.h"
 #include "planning_service/task/option_fields.h"
@@ -176,18 +177,17 @@ absl::Status JobRunner::Prepare(const PlanningJob& job, const std::string& folde
   v1::PlanningTask task;
   if (!task.ParseFromString(job.task)) return absl::DataLossError("the kept task cannot be read");
   const fs::path base(folder);
-  if (absl::Status s = EmptyFolder(base / "in"); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(EmptyFolder(base / "in"));
   for (const JobFile& file : job.files) {
     const fs::path path = base / "in" / file.name;
     std::error_code error;
     fs::create_directories(path.parent_path(), error);
-    absl::Status status = artefacts_->Materialise(file.digest, path.string());
-    if (!status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(artefacts_->Materialise(file.digest, path.string()));
   }
-  if (absl::Status s = WriteTaskFiles(task, (base / "in").string()); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(WriteTaskFiles(task, (base / "in").string()));
   // Images that are whole stay; every other kind makes all of its results at the end.
   if (job.kind != "render") {
-    if (absl::Status s = EmptyFolder(base / "out"); !s.ok()) return s;
+    SIGHTLINE_RETURN_IF_ERROR(EmptyFolder(base / "out"));
   }
   std::error_code error;
   fs::create_directories(base / "checkpoint", error);
@@ -274,10 +274,9 @@ absl::StatusOr<std::vector<JobFile>> JobRunner::StoreResults(const std::string& 
       return absl::ResourceExhaustedError(
           absl::StrCat("the job made more than ", kMostResults, " files"));
     }
-    auto added = artefacts_->AddFile(entry->path().string());
-    if (!added.ok()) return added.status();
-    results.push_back({entry->path().lexically_relative(folder).generic_string(), added->digest,
-                       added->size_bytes});
+    SIGHTLINE_ASSIGN_OR_RETURN(auto added, artefacts_->AddFile(entry->path().string()));
+    results.push_back({entry->path().lexically_relative(folder).generic_string(), added.digest,
+                       added.size_bytes});
   }
   if (error) return absl::InternalError(absl::StrCat("results: ", error.message()));
   if (results.empty()) return absl::InternalError("the job ended without any result");

@@ -8,6 +8,7 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "core/status/status_macros.h"
 #include "planning_service/access/certificate_names.h"
 #include "proto/status/rpc_status.h"
 #include "rpc_server/file_stream.h"
@@ -79,9 +80,9 @@ absl::Status PlanningServiceImpl::Upload(const Client& client, grpc::ServerConte
                                          grpc::ServerReader<v1::UploadFileRequest>* reader,
                                          v1::UploadFileResponse* response) {
   v1::UploadFileRequest message;
-  const absl::StatusOr<bool> begun = calls_->Read(context, [&] { return reader->Read(&message); });
-  if (!begun.ok()) return begun.status();
-  if (!*begun || !message.has_header()) {
+  SIGHTLINE_ASSIGN_OR_RETURN(const bool begun,
+                             calls_->Read(context, [&] { return reader->Read(&message); }));
+  if (!begun || !message.has_header()) {
     return InvalidFields({{"header", "must be the first message"}});
   }
   const v1::UploadFileRequest::Header header = message.header();
@@ -93,16 +94,13 @@ absl::Status PlanningServiceImpl::Upload(const Client& client, grpc::ServerConte
                                           ", a file may have at most ", client.max_upload_bytes)),
                          "UPLOAD_TOO_LARGE");
   }
-  absl::StatusOr<FileUpload> upload = jobs_->Upload(client);
-  if (!upload.ok()) return upload.status();
-  absl::Status received =
+  SIGHTLINE_ASSIGN_OR_RETURN(FileUpload upload, jobs_->Upload(client));
+  SIGHTLINE_RETURN_IF_ERROR(
       ForEachChunk(calls_, context, reader, header.size_bytes(),
-                   [&](const std::string& chunk) { return upload->Write(chunk); });
-  if (!received.ok()) return received;
-  const absl::StatusOr<JobFile> file = upload->Finish(header.digest());
-  if (!file.ok()) return file.status();
-  response->set_digest(file->digest);
-  response->set_size_bytes(file->size_bytes);
+                   [&](const std::string& chunk) { return upload.Write(chunk); }));
+  SIGHTLINE_ASSIGN_OR_RETURN(const JobFile file, upload.Finish(header.digest()));
+  response->set_digest(file.digest);
+  response->set_size_bytes(file.size_bytes);
   return absl::OkStatus();
 }
 
@@ -128,10 +126,9 @@ grpc::Status PlanningServiceImpl::ListPlanningJobs(grpc::ServerContext* context,
                                                    const v1::ListPlanningJobsRequest* request,
                                                    v1::ListPlanningJobsResponse* response) {
   return RunAs("ListPlanningJobs", context, [&](const Client& client) -> absl::Status {
-    const absl::StatusOr<PlanningJobs::Page> page = jobs_->List(client, *request);
-    if (!page.ok()) return page.status();
-    for (const PlanningJob& job : page->jobs) *response->add_jobs() = PlanningJobToProto(job);
-    response->set_next_page_token(page->next_page_token);
+    SIGHTLINE_ASSIGN_OR_RETURN(const PlanningJobs::Page page, jobs_->List(client, *request));
+    for (const PlanningJob& job : page.jobs) *response->add_jobs() = PlanningJobToProto(job);
+    response->set_next_page_token(page.next_page_token);
     return absl::OkStatus();
   });
 }
@@ -163,11 +160,10 @@ absl::Status PlanningServiceImpl::Watch(const Client& client, grpc::ServerContex
       sent_revision = job->revision;
       v1::WatchPlanningJobResponse response;
       *response.mutable_job() = PlanningJobToProto(*job);
-      absl::Status sent = calls_->Write(context, [&] { return writer->Write(response); });
-      if (!sent.ok()) return sent;
+      SIGHTLINE_RETURN_IF_ERROR(calls_->Write(context, [&] { return writer->Write(response); }));
     }
     if (job->IsFinished()) return absl::OkStatus();
-    if (absl::Status stop = calls_->CheckStop(context); !stop.ok()) return stop;
+    SIGHTLINE_RETURN_IF_ERROR(calls_->CheckStop(context));
     if (calls_->draining()) {
       return WithErrorInfo(absl::UnavailableError("the server is shutting down: watch again"),
                            "DRAINING");
@@ -189,32 +185,31 @@ grpc::Status PlanningServiceImpl::StreamResult(
 absl::Status PlanningServiceImpl::Stream(const Client& client, grpc::ServerContext* context,
                                          const v1::StreamResultRequest& request,
                                          grpc::ServerWriter<v1::StreamResultResponse>* writer) {
-  const absl::StatusOr<OpenResult> result = jobs_->Result(client, request.job_id(), request.name());
-  if (!result.ok()) return result.status();
-  const int64_t size = result->file.size_bytes;
+  SIGHTLINE_ASSIGN_OR_RETURN(const OpenResult result,
+                             jobs_->Result(client, request.job_id(), request.name()));
+  const int64_t size = result.file.size_bytes;
   if (request.offset() < 0 || request.offset() > size) {
     return InvalidFields(
         {{"offset", absl::StrCat("is ", request.offset(), ", must be in [0, ", size, "]")}});
   }
   v1::StreamResultResponse response;
-  response.mutable_header()->set_name(result->file.name);
-  response.mutable_header()->set_digest(result->file.digest);
+  response.mutable_header()->set_name(result.file.name);
+  response.mutable_header()->set_digest(result.file.digest);
   response.mutable_header()->set_size_bytes(size);
-  absl::Status sent = calls_->Write(context, [&] { return writer->Write(response); });
-  if (!sent.ok()) return sent;
-  return SendChunks(calls_, context, writer, result->path, result->file.name, request.offset(),
-                    size, &response);
+  SIGHTLINE_RETURN_IF_ERROR(calls_->Write(context, [&] { return writer->Write(response); }));
+  return SendChunks(calls_, context, writer, result.path, result.file.name, request.offset(), size,
+                    &response);
 }
 
 grpc::Status PlanningServiceImpl::PrepareRecipe(grpc::ServerContext* context,
                                                 const v1::PrepareRecipeRequest* request,
                                                 v1::PrepareRecipeResponse* response) {
   return RunAs("PrepareRecipe", context, [&](const Client& client) -> absl::Status {
-    const absl::StatusOr<std::string> digest = jobs_->PrepareRecipe(
-        client, request->recipe_id(), request->task(), FilesOf(request->files()));
-    if (!digest.ok()) return digest.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(const std::string digest,
+                               jobs_->PrepareRecipe(client, request->recipe_id(), request->task(),
+                                                    FilesOf(request->files())));
     response->set_recipe_id(request->recipe_id());
-    response->set_digest(*digest);
+    response->set_digest(digest);
     return absl::OkStatus();
   });
 }
@@ -255,9 +250,7 @@ grpc::Status PlanningServiceImpl::GetVisionState(grpc::ServerContext* context,
                                                  const v1::GetVisionStateRequest*,
                                                  v1::GetVisionStateResponse* response) {
   return RunAs("GetVisionState", context, [&](const Client& client) -> absl::Status {
-    absl::StatusOr<v1::GetVisionStateResponse> state = jobs_->VisionState(client);
-    if (!state.ok()) return state.status();
-    *response = *std::move(state);
+    SIGHTLINE_ASSIGN_OR_RETURN(*response, jobs_->VisionState(client));
     return absl::OkStatus();
   });
 }

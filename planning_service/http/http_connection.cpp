@@ -18,6 +18,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/strip.h"
 #include "absl/time/clock.h"
+#include "core/status/status_macros.h"
 #include "core/trace/trace_context.h"
 #include "planning_service/http/http_reply.h"
 #include "proto/status/rpc_status.h"
@@ -133,7 +134,7 @@ absl::Status Exchange::ReadHead() {
   const Clock::time_point deadline = Clock::now() + timeout_;
   while (!parser_.is_header_done()) {
     if (buffer_->size() == 0) {
-      if (absl::Status status = Fill(deadline); !status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(Fill(deadline));
     }
     error_code error;
     const size_t parsed = parser_.put(buffer_->data(), error);
@@ -141,7 +142,7 @@ absl::Status Exchange::ReadHead() {
         HasFoldedLine({static_cast<const char*>(buffer_->data().data()), parsed});
     buffer_->consume(parsed);
     if (error == http::error::need_more) {
-      if (absl::Status status = Fill(deadline); !status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(Fill(deadline));
     } else if (error) {
       return ParseError(error);
     }
@@ -193,16 +194,12 @@ absl::Status Exchange::FillRequest() {
       absl::StrAppend(&value, ", ", Text(field.value()));
     }
   }
-  absl::StatusOr<RequestTarget> url = ParseRequestTarget(request_.target);
-  if (!url.ok()) return url.status();
-  request_.url = *std::move(url);
+  SIGHTLINE_ASSIGN_OR_RETURN(request_.url, ParseRequestTarget(request_.target));
   if (hosts > 1 || (hosts == 0 && message.version() >= 11)) {
     return absl::InvalidArgumentError("the request must have one Host header");
   }
   if (!request_.url.authority.empty()) request_.headers["host"] = request_.url.authority;
-  if (absl::Status length = CheckBodyLength(request_, message.version(), codings); !length.ok()) {
-    return length;
-  }
+  SIGHTLINE_RETURN_IF_ERROR(CheckBodyLength(request_, message.version(), codings));
   // Unpacking would let a small request become a large one.
   if (const std::string encoding = request_.Header("content-encoding");
       !encoding.empty() && !absl::EqualsIgnoreCase(encoding, "identity")) {

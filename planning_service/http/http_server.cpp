@@ -26,6 +26,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/admission/shared_limit.h"
+#include "core/status/status_macros.h"
 #include "planning_service/http/connection_stream.h"
 #include "planning_service/http/http_connection.h"
 #include "planning_service/http/http_reply.h"
@@ -242,17 +243,14 @@ void HttpServer::Impl::AcceptConnections() {
 }
 
 absl::StatusOr<std::unique_ptr<HttpServer>> HttpServer::Listen(const HttpServerOptions& options) {
-  if (absl::Status status = CheckOptions(options); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(CheckOptions(options));
   std::unique_ptr<TlsServerContext> tls;
   if (!options.tls.certificate.empty()) {
-    absl::StatusOr<std::unique_ptr<TlsServerContext>> loaded =
-        TlsServerContext::Load(options.tls, options.tls_check_interval);
-    if (!loaded.ok()) return loaded.status();
-    tls = *std::move(loaded);
+    SIGHTLINE_ASSIGN_OR_RETURN(tls,
+                               TlsServerContext::Load(options.tls, options.tls_check_interval));
   }
-  absl::StatusOr<ListeningSocket> listening = ListenTcp(options.option, options.listen);
-  if (!listening.ok()) return listening.status();
-  auto impl = std::make_unique<Impl>(options, *std::move(listening), std::move(tls));
+  SIGHTLINE_ASSIGN_OR_RETURN(ListeningSocket listening, ListenTcp(options.option, options.listen));
+  auto impl = std::make_unique<Impl>(options, std::move(listening), std::move(tls));
   if (impl->stop_event.get() < 0) return absl::ResourceExhaustedError("no file descriptor is left");
   spdlog::info("event=http_listening address={} tls={}", impl->listening.address,
                impl->tls != nullptr);

@@ -8,6 +8,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
+#include "core/status/status_macros.h"
 #include "planning_service/http/request_target.h"
 
 namespace sightline {
@@ -85,10 +86,9 @@ absl::Status MultipartReader::Error(absl::string_view reason) const {
 }
 
 absl::Status MultipartReader::Fill() {
-  absl::StatusOr<std::string> piece = source_();
-  if (!piece.ok()) return piece.status();
-  if (piece->empty()) return Error("the body ends before the last boundary");
-  buffer_ += *piece;
+  SIGHTLINE_ASSIGN_OR_RETURN(std::string piece, source_());
+  if (piece.empty()) return Error("the body ends before the last boundary");
+  buffer_ += piece;
   return absl::OkStatus();
 }
 
@@ -109,15 +109,14 @@ absl::StatusOr<std::string> MultipartReader::Read() {
       buffer_.erase(0, content);
       return piece;
     }
-    if (absl::Status status = Fill(); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(Fill());
   }
   return "";
 }
 
 absl::StatusOr<std::optional<MultipartPart>> MultipartReader::NextPart() {
   while (in_part_) {
-    absl::StatusOr<std::string> skipped = Read();
-    if (!skipped.ok()) return skipped.status();
+    SIGHTLINE_RETURN_IF_ERROR(Read().status());
   }
   if (ended_) return std::nullopt;
   ++parts_;
@@ -126,7 +125,7 @@ absl::StatusOr<std::optional<MultipartPart>> MultipartReader::NextPart() {
   size_t end = std::string::npos;
   while ((end = buffer_.find("\r\n")) == std::string::npos && !absl::StartsWith(buffer_, "--")) {
     if (buffer_.size() > kMaxHeaderBytes) return Error("a boundary must end its line");
-    if (absl::Status status = Fill(); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(Fill());
   }
   if (absl::StartsWith(buffer_, "--")) {
     ended_ = true;
@@ -137,10 +136,9 @@ absl::StatusOr<std::optional<MultipartPart>> MultipartReader::NextPart() {
     return Error("a boundary must end its line");
   }
   buffer_.erase(0, end + 2);
-  absl::StatusOr<MultipartPart> part = ReadHeader();
-  if (!part.ok()) return part.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(MultipartPart part, ReadHeader());
   in_part_ = true;
-  return *std::move(part);
+  return part;
 }
 
 absl::StatusOr<MultipartPart> MultipartReader::ReadHeader() {
@@ -151,7 +149,7 @@ absl::StatusOr<MultipartPart> MultipartReader::ReadHeader() {
     size_t end = std::string::npos;
     while ((end = buffer_.find("\r\n")) == std::string::npos) {
       if (buffer_.size() > kMaxHeaderBytes) return Error("its headers are too long");
-      if (absl::Status status = Fill(); !status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(Fill());
     }
     const std::string line = buffer_.substr(0, end);
     buffer_.erase(0, end + 2);

@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
 #include "absl/strings/str_split.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -106,26 +107,24 @@ absl::StatusOr<RequestTarget> ParseRequestTarget(absl::string_view target) {
     return absl::InvalidArgumentError("the request's target must be a path that begins with /");
   }
   for (const absl::string_view segment : absl::StrSplit(path.substr(1), '/')) {
-    absl::StatusOr<std::string> decoded = PercentDecode(segment);
-    if (!decoded.ok()) return decoded.status();
-    if (HasControlCharacters(*decoded) || !IsValidUtf8(*decoded)) {
+    SIGHTLINE_ASSIGN_OR_RETURN(std::string decoded, PercentDecode(segment));
+    if (HasControlCharacters(decoded) || !IsValidUtf8(decoded)) {
       return absl::InvalidArgumentError("the URL's path must be UTF-8 without control characters");
     }
-    parsed.path.push_back(*std::move(decoded));
+    parsed.path.push_back(std::move(decoded));
   }
   if (question == absl::string_view::npos) return parsed;
   for (const absl::string_view pair :
        absl::StrSplit(target.substr(question + 1), '&', absl::SkipEmpty())) {
     const size_t equals = pair.find('=');
-    absl::StatusOr<std::string> name = DecodeQueryText(pair.substr(0, equals));
-    if (!name.ok()) return name.status();
-    absl::StatusOr<std::string> value = DecodeQueryText(
-        equals == absl::string_view::npos ? absl::string_view() : pair.substr(equals + 1));
-    if (!value.ok()) return value.status();
-    if (HasControlCharacters(*value) || !IsValidUtf8(*name) || !IsValidUtf8(*value)) {
+    SIGHTLINE_ASSIGN_OR_RETURN(std::string name, DecodeQueryText(pair.substr(0, equals)));
+    SIGHTLINE_ASSIGN_OR_RETURN(std::string value, DecodeQueryText(equals == absl::string_view::npos
+                                                                      ? absl::string_view()
+                                                                      : pair.substr(equals + 1)));
+    if (HasControlCharacters(value) || !IsValidUtf8(name) || !IsValidUtf8(value)) {
       return absl::InvalidArgumentError("the URL's query must be UTF-8 without control characters");
     }
-    parsed.query.emplace(*std::move(name), *std::move(value));
+    parsed.query.emplace(std::move(name), std::move(value));
   }
   return parsed;
 }

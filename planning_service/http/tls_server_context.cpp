@@ -11,6 +11,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "core/status/status_macros.h"
 #include "planning_service/access/certificate_names.h"
 
 namespace sightline {
@@ -85,9 +86,7 @@ absl::StatusOr<std::unique_ptr<TlsServerContext>> TlsServerContext::Load(
     const TlsFiles& files, absl::Duration check_interval) {
   std::unique_ptr<TlsServerContext> context(new TlsServerContext(files, check_interval));
   context->seen_ = LookOf(files);
-  absl::StatusOr<std::shared_ptr<SSL_CTX>> read = ReadFiles(files);
-  if (!read.ok()) return read.status();
-  context->context_ = *std::move(read);
+  SIGHTLINE_ASSIGN_OR_RETURN(context->context_, ReadFiles(files));
   context->checked_ = std::chrono::steady_clock::now();
   return context;
 }

@@ -3,6 +3,7 @@
 
 #include <utility>
 
+#include "core/status/status_macros.h"
 #include "planning_service/http/http_server.h"
 #include "planning_service/http_api/routes.h"
 
@@ -24,16 +25,17 @@ absl::StatusOr<std::unique_ptr<HttpApi>> HttpApi::Start(const HttpApiOptions& op
   if (options.max_event_streams < 1) {
     return absl::InvalidArgumentError("max_event_streams must be at least 1");
   }
-  absl::StatusOr<std::unique_ptr<HttpServer>> server = HttpServer::Listen(
-      {.option = "--http",
-       .listen = options.listen,
-       .tls = {options.tls_certificate_file, options.tls_key_file, options.tls_client_ca_file},
-       .tls_check_interval = options.tls_check_interval,
-       .max_connections = options.max_connections,
-       .max_request_bytes = options.max_request_bytes,
-       .request_timeout = options.request_timeout});
-  if (!server.ok()) return server.status();
-  auto impl = std::make_unique<Impl>(options, *std::move(server), jobs, access);
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      std::unique_ptr<HttpServer> server,
+      HttpServer::Listen(
+          {.option = "--http",
+           .listen = options.listen,
+           .tls = {options.tls_certificate_file, options.tls_key_file, options.tls_client_ca_file},
+           .tls_check_interval = options.tls_check_interval,
+           .max_connections = options.max_connections,
+           .max_request_bytes = options.max_request_bytes,
+           .request_timeout = options.request_timeout}));
+  auto impl = std::make_unique<Impl>(options, std::move(server), jobs, access);
   impl->server->Start(
       [&routes = impl->routes](HttpExchange& exchange) { routes.Answer(exchange); });
   return std::unique_ptr<HttpApi>(new HttpApi(std::move(impl)));

@@ -15,6 +15,7 @@
 #include "absl/strings/strip.h"
 #include "core/json/strict_json.h"
 #include "core/recordings/recordings.h"
+#include "core/status/status_macros.h"
 #include "core/text/number.h"
 #include "planning_service/http/multipart_reader.h"
 #include "planning_service/task/planning_task.h"
@@ -86,8 +87,7 @@ absl::Status HoldMemory(SharedLimit::Share* memory, int64_t bytes) {
 absl::Status ParseBody(std::string json, const std::string& document,
                        const std::string& field_prefix, SharedLimit::Share* memory,
                        google::protobuf::Message* message) {
-  absl::Status room = HoldMemory(memory, BodyMemory(json.size()));
-  if (!room.ok()) return room;
+  SIGHTLINE_RETURN_IF_ERROR(HoldMemory(memory, BodyMemory(json.size())));
   return WithField(ParseStrictJson(NumberNullPlatePositions(std::move(json)), document, message),
                    document, field_prefix);
 }
@@ -100,32 +100,29 @@ absl::StatusOr<std::string> ReadText(const std::string& field, size_t max_bytes,
                                      Read read) {
   std::string text;
   for (;;) {
-    absl::StatusOr<std::string> piece = read();
-    if (!piece.ok()) return piece.status();
-    if (piece->empty()) return text;
-    if (text.size() + piece->size() > max_bytes) {
+    SIGHTLINE_ASSIGN_OR_RETURN(std::string piece, read());
+    if (piece.empty()) return text;
+    if (text.size() + piece.size() > max_bytes) {
       return WithErrorInfo(absl::ResourceExhaustedError(
                                absl::StrCat(field, ": must have at most ", max_bytes, " bytes")),
                            "REQUEST_TOO_LARGE");
     }
-    text += *piece;
+    text += piece;
     const int64_t needed = text.size() > kTrustedBytes && announced_bytes >= text.size()
                                ? BodyMemory(std::min(announced_bytes, max_bytes))
                                : kBytesPerTextByte * static_cast<int64_t>(text.size());
-    if (absl::Status room = HoldMemory(memory, needed); !room.ok()) return room;
+    SIGHTLINE_RETURN_IF_ERROR(HoldMemory(memory, needed));
   }
 }
 
 template <typename Read>
 absl::StatusOr<JobFile> TakeFile(PlanningJobs* jobs, const Client& client,
                                  const std::string& expected_digest, Read read) {
-  absl::StatusOr<FileUpload> upload = jobs->Upload(client);
-  if (!upload.ok()) return upload.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(FileUpload upload, jobs->Upload(client));
   for (;;) {
-    absl::StatusOr<std::string> piece = read();
-    if (!piece.ok()) return piece.status();
-    if (piece->empty()) return upload->Finish(expected_digest);
-    if (absl::Status status = upload->Write(*piece); !status.ok()) return status;
+    SIGHTLINE_ASSIGN_OR_RETURN(std::string piece, read());
+    if (piece.empty()) return upload.Finish(expected_digest);
+    SIGHTLINE_RETURN_IF_ERROR(upload.Write(piece));
   }
 }
 
@@ -147,44 +144,40 @@ absl::StatusOr<int64_t> ReadInteger(const std::string& field, const std::string&
 
 absl::StatusOr<TaskForm> ReadTaskForm(HttpExchange& exchange, PlanningJobs* jobs,
                                       const Client& client, SharedLimit::Share* memory) {
-  absl::StatusOr<std::string> boundary =
-      MultipartBoundary(exchange.request().Header("content-type"));
-  if (!boundary.ok()) return boundary.status();
-  MultipartReader reader(*boundary, [&exchange] { return exchange.ReadBody(); });
+  SIGHTLINE_ASSIGN_OR_RETURN(std::string boundary,
+                             MultipartBoundary(exchange.request().Header("content-type")));
+  MultipartReader reader(boundary, [&exchange] { return exchange.ReadBody(); });
   const auto read = [&reader] { return reader.Read(); };
   TaskForm form;
   bool has_task = false;
   std::set<std::string> names;
   for (int parts = 1;; ++parts) {
-    absl::StatusOr<std::optional<MultipartPart>> part = reader.NextPart();
-    if (!part.ok()) return part.status();
-    if (!part->has_value()) break;
+    SIGHTLINE_ASSIGN_OR_RETURN(std::optional<MultipartPart> part, reader.NextPart());
+    if (!part.has_value()) break;
     if (parts > kMaxParts) {
       return absl::InvalidArgumentError(
           absl::StrCat("multipart/form-data: must have at most ", kMaxParts, " parts"));
     }
-    const std::string& field = (*part)->name;
+    const std::string& field = part->name;
     if (field == "task") {
       if (has_task) return InvalidFields({{"task", "is given twice"}});
       has_task = true;
-      absl::StatusOr<std::string> json = ReadText("task", kMaxJsonBytes, 0, memory, read);
-      if (!json.ok()) return json.status();
+      SIGHTLINE_ASSIGN_OR_RETURN(std::string json,
+                                 ReadText("task", kMaxJsonBytes, 0, memory, read));
       // Before the files: a task that cannot be read is refused at once.
-      absl::Status parsed = ParseBody(*std::move(json), "task", "task.", memory, &form.task);
-      if (!parsed.ok()) return parsed;
+      SIGHTLINE_RETURN_IF_ERROR(ParseBody(std::move(json), "task", "task.", memory, &form.task));
       continue;
     }
     if (field == "priority") {
       if (form.has_priority) return InvalidFields({{"priority", "is given twice"}});
       form.has_priority = true;
-      absl::StatusOr<std::string> text = ReadText("priority", kMaxFieldBytes, 0, memory, read);
-      if (!text.ok()) return text.status();
-      absl::StatusOr<int64_t> priority = ReadInteger("priority", *text, -100, 100);
-      if (!priority.ok()) return priority.status();
-      form.priority = static_cast<int>(*priority);
+      SIGHTLINE_ASSIGN_OR_RETURN(std::string text,
+                                 ReadText("priority", kMaxFieldBytes, 0, memory, read));
+      SIGHTLINE_ASSIGN_OR_RETURN(int64_t priority, ReadInteger("priority", text, -100, 100));
+      form.priority = static_cast<int>(priority);
       continue;
     }
-    const std::string& name = (*part)->filename.empty() ? field : (*part)->filename;
+    const std::string& name = part->filename.empty() ? field : part->filename;
     const std::string place = absl::StrCat("files[", form.files.size(), "].name");
     if (!IsValidUtf8(name)) return InvalidFields({{place, "must be UTF-8"}});
     if (absl::Status status = CheckFileName(name); !status.ok()) {
@@ -195,10 +188,9 @@ absl::StatusOr<TaskForm> ReadTaskForm(HttpExchange& exchange, PlanningJobs* jobs
     if (!names.insert(name).second) {
       return InvalidFields({{place, absl::StrCat("\"", name, "\" is given twice")}});
     }
-    absl::StatusOr<JobFile> file = TakeFile(jobs, client, "", read);
-    if (!file.ok()) return file.status();
-    file->name = name;
-    form.files.push_back(*std::move(file));
+    SIGHTLINE_ASSIGN_OR_RETURN(JobFile file, TakeFile(jobs, client, "", read));
+    file.name = name;
+    form.files.push_back(std::move(file));
   }
   if (!has_task) {
     return InvalidFields({{"task",
@@ -215,13 +207,13 @@ absl::Status ReadJsonBody(HttpExchange& exchange, bool may_be_empty, SharedLimit
     return UnsupportedMediaType("application/json");
   }
   const auto announced = ParseUnsigned(exchange.request().Header("content-length"));
-  absl::StatusOr<std::string> json =
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      std::string json,
       ReadText("body", kMaxJsonBytes, announced.ok() ? static_cast<size_t>(*announced) : 0, memory,
-               [&exchange] { return exchange.ReadBody(); });
-  if (!json.ok()) return json.status();
-  if (json->empty() && may_be_empty) return absl::OkStatus();
+               [&exchange] { return exchange.ReadBody(); }));
+  if (json.empty() && may_be_empty) return absl::OkStatus();
   if (type.empty()) return UnsupportedMediaType("application/json");
-  return ParseBody(*std::move(json), "body", "", memory, message);
+  return ParseBody(std::move(json), "body", "", memory, message);
 }
 
 absl::StatusOr<JobFile> ReadFileBody(HttpExchange& exchange, PlanningJobs* jobs,

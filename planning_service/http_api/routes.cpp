@@ -14,6 +14,7 @@
 #include "absl/strings/str_join.h"
 #include "core/digest/sha256.h"
 #include "core/json/message_json.h"
+#include "core/status/status_macros.h"
 #include "planning_service/http/http_reply.h"
 #include "planning_service/http_api/event_stream.h"
 #include "planning_service/http_api/openapi.h"
@@ -80,9 +81,8 @@ absl::StatusOr<v1::ListPlanningJobsRequest> ReadListQuery(const HttpRequest& req
     } else if (!seen.insert(name).second) {
       return InvalidFields({{name, "is given twice"}});
     } else if (name == "page_size") {
-      absl::StatusOr<int64_t> size = ReadInteger("page_size", value, 1, 1000);
-      if (!size.ok()) return size.status();
-      list.set_page_size(static_cast<int32_t>(*size));
+      SIGHTLINE_ASSIGN_OR_RETURN(int64_t size, ReadInteger("page_size", value, 1, 1000));
+      list.set_page_size(static_cast<int32_t>(size));
     } else if (name == "page_token") {
       list.set_page_token(value);
     } else if (name == "all_clients") {

@@ -10,6 +10,7 @@
 #include "absl/strings/str_replace.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
+#include "core/status/status_macros.h"
 #include "planning_service/job_store/random_number.h"
 #include "planning_service/job_store/sqlite_database.h"
 
@@ -28,16 +29,14 @@ constexpr int64_t kNoCopy = -1;
 // Runs `body(sql)` in a transaction on an SQLite file that no other process has open.
 template <typename Body>
 absl::Status InSqliteFile(const std::string& file, SqlAccess access, Body body) {
-  auto database = OpenSqliteDatabase(file);
-  if (!database.ok()) return database.status();
-  auto connection = (*database)->Connect();
-  if (!connection.ok()) return connection.status();
-  if (absl::Status begun = (*connection)->Begin(access); !begun.ok()) return begun;
-  SqlTransaction sql(connection->get());
+  SIGHTLINE_ASSIGN_OR_RETURN(auto database, OpenSqliteDatabase(file));
+  SIGHTLINE_ASSIGN_OR_RETURN(auto connection, database->Connect());
+  SIGHTLINE_RETURN_IF_ERROR(connection->Begin(access));
+  SqlTransaction sql(connection.get());
   body(sql);
   absl::Status status = sql.status();
-  if (status.ok()) status = (*connection)->Commit();
-  if (!status.ok()) (*connection)->Rollback();
+  if (status.ok()) status = connection->Commit();
+  if (!status.ok()) connection->Rollback();
   return status;
 }
 
@@ -93,10 +92,9 @@ bool SettleDatabaseIdentity(SqlTransaction& sql, const std::string& instance) {
 
 absl::StatusOr<std::optional<DatabaseIdentity>> ReadSqliteIdentity(const std::string& file) {
   std::optional<DatabaseIdentity> identity;
-  const absl::Status read = InSqliteFile(file, SqlAccess::kRead, [&](SqlTransaction& sql) {
+  SIGHTLINE_RETURN_IF_ERROR(InSqliteFile(file, SqlAccess::kRead, [&](SqlTransaction& sql) {
     if (HasIdentityTable(sql)) identity = ReadDatabaseIdentity(sql);
-  });
-  if (!read.ok()) return read;
+  }));
   return identity;
 }
 

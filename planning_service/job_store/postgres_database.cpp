@@ -19,6 +19,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
 #include "core/digest/sha256.h"
+#include "core/status/status_macros.h"
 #include "planning_service/job_store/random_number.h"
 #include "proto/status/rpc_status.h"
 
@@ -296,7 +297,7 @@ class PostgresConnection : public SqlConnection {
 
   absl::Status TryBegin(SqlAccess access) {
     was_connected_ = connection_ != nullptr;
-    if (absl::Status connected = Connect(); !connected.ok()) return connected;
+    SIGHTLINE_RETURN_IF_ERROR(Connect());
     absl::Status begun =
         Run(access == SqlAccess::kWrite ? "BEGIN ISOLATION LEVEL READ COMMITTED"
                                         : "BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY",
@@ -327,9 +328,9 @@ class PostgresDatabase : public SqlDatabase {
 
   absl::Status Open() {
     std::lock_guard lock(mutex_);
-    if (absl::Status checked = CheckSession(); !checked.ok()) return checked;
+    SIGHTLINE_RETURN_IF_ERROR(CheckSession());
     name_ = absl::StrCat("PostgreSQL database ", PQdb(session_.get()));
-    if (absl::Status begun = session_.Begin(SqlAccess::kWrite); !begun.ok()) return begun;
+    SIGHTLINE_RETURN_IF_ERROR(session_.Begin(SqlAccess::kWrite));
     // Not "IF NOT EXISTS": that needs the right to make schemas even if this one is there.
     auto made = session_.Run("SELECT 1 FROM pg_namespace WHERE nspname = 'sightline'", {});
     if (made.ok() && made->empty()) made = session_.Run("CREATE SCHEMA sightline", {});
@@ -340,34 +341,35 @@ class PostgresDatabase : public SqlDatabase {
 
   absl::StatusOr<std::unique_ptr<SqlConnection>> Connect() override {
     auto connection = std::make_unique<PostgresConnection>(connection_text_);
-    if (absl::Status connected = connection->Connect(); !connected.ok()) return connected;
+    SIGHTLINE_RETURN_IF_ERROR(connection->Connect());
     return connection;
   }
   bool IsShared() const override { return true; }
   // A restored dump has tables of other object numbers, another cluster has another system
   // identifier, and a recovery to an earlier moment or a standby that took over another timeline.
   absl::StatusOr<std::string> Instance(SqlConnection* connection) override {
-    const auto rows = connection->Run(
-        "SELECT 'cluster ' || system_identifier::text || ', timeline ' || timeline_id::text ||"
-        " ', table ' || 'sightline.event'::regclass::oid::text"
-        " FROM pg_control_system(), pg_control_checkpoint()",
-        {});
-    if (!rows.ok()) return rows.status();
-    if (rows->empty()) return absl::InternalError(absl::StrCat(name_, ": has no identity"));
-    return rows->front().Text(0);
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        const auto rows,
+        connection->Run(
+            "SELECT 'cluster ' || system_identifier::text || ', timeline ' || timeline_id::text ||"
+            " ', table ' || 'sightline.event'::regclass::oid::text"
+            " FROM pg_control_system(), pg_control_checkpoint()",
+            {}));
+    if (rows.empty()) return absl::InternalError(absl::StrCat(name_, ": has no identity"));
+    return rows.front().Text(0);
   }
   std::string Name() const override { return name_; }
 
   absl::StatusOr<int64_t> Owner() override {
     std::lock_guard lock(mutex_);
-    if (absl::Status checked = CheckSession(); !checked.ok()) return checked;
+    SIGHTLINE_RETURN_IF_ERROR(CheckSession());
     return owner_;
   }
 
   absl::StatusOr<bool> IsOwnerGone(SqlConnection* connection, int64_t owner) override {
-    const auto rows = connection->Run("SELECT pg_try_advisory_xact_lock($1)", {owner});
-    if (!rows.ok()) return rows.status();
-    return !rows->empty() && rows->front().Int(0) != 0;
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto rows,
+                               connection->Run("SELECT pg_try_advisory_xact_lock($1)", {owner}));
+    return !rows.empty() && rows.front().Int(0) != 0;
   }
 
   bool Holds(const std::string& role) override {
@@ -401,7 +403,7 @@ class PostgresDatabase : public SqlDatabase {
     session_.Disconnect();
     roles_.clear();
     owner_ = 0;
-    if (absl::Status connected = session_.Connect(); !connected.ok()) return connected;
+    SIGHTLINE_RETURN_IF_ERROR(session_.Connect());
     const auto number = static_cast<int64_t>(RandomBits() >> 1);
     if (!TryLock(number)) return absl::UnavailableError("PostgreSQL: the connection is lost");
     owner_ = number;
@@ -421,7 +423,7 @@ class PostgresDatabase : public SqlDatabase {
 
 absl::StatusOr<std::unique_ptr<SqlDatabase>> OpenPostgresDatabase(const std::string& connection) {
   auto database = std::make_unique<PostgresDatabase>(connection);
-  if (absl::Status opened = database->Open(); !opened.ok()) return opened;
+  SIGHTLINE_RETURN_IF_ERROR(database->Open());
   return database;
 }
 

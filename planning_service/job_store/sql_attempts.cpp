@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "core/status/status_macros.h"
 #include "planning_service/job_store/job_changes.h"
 #include "planning_service/job_store/job_checks.h"
 #include "planning_service/job_store/job_rows.h"
@@ -26,11 +27,11 @@ constexpr auto kProgressEventInterval = std::chrono::seconds(1);
 absl::StatusOr<std::optional<PlanningJob>> SqlJobStore::Claim(
     const std::function<ClientQuota(const std::string& client)>& quota_of) {
   // Polled all the time: an empty queue is not worth a place among the writers.
-  const auto waiting = Read([](SqlTransaction& sql) -> absl::StatusOr<bool> {
-    return !sql.Run("SELECT 1 FROM job WHERE state = 'QUEUED' LIMIT 1").empty();
-  });
-  if (!waiting.ok()) return waiting.status();
-  if (!*waiting) return std::nullopt;
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      const auto waiting, Read([](SqlTransaction& sql) -> absl::StatusOr<bool> {
+        return !sql.Run("SELECT 1 FROM job WHERE state = 'QUEUED' LIMIT 1").empty();
+      }));
+  if (!waiting) return std::nullopt;
 
   return WriteAsOwner([&](SqlTransaction& sql,
                           int64_t owner) -> absl::StatusOr<std::optional<PlanningJob>> {
@@ -82,7 +83,7 @@ absl::StatusOr<bool> SqlJobStore::ReportProgress(const Attempt& attempt, double 
 }
 
 absl::Status SqlJobStore::Succeed(const Attempt& attempt, const std::vector<JobFile>& results) {
-  if (absl::Status names = CheckPlainNames({}, results); !names.ok()) return names;
+  SIGHTLINE_RETURN_IF_ERROR(CheckPlainNames({}, results));
   return WriteAttempt(attempt, [&](SqlTransaction& sql, PlanningJob* job) -> absl::Status {
     job->state = JobState::kSucceeded;
     job->progress = 1;
@@ -126,9 +127,8 @@ absl::StatusOr<int> SqlJobStore::RequeueOrphans() {
     for (const SqlRow& row : sql.Run("SELECT DISTINCT owner FROM job WHERE state = 'RUNNING'")) {
       const int64_t owner = row.Int(0);
       if (owner == own) continue;
-      const auto gone = database_->IsOwnerGone(sql.connection(), owner);
-      if (!gone.ok()) return gone.status();
-      if (!*gone) continue;
+      SIGHTLINE_ASSIGN_OR_RETURN(const auto gone, database_->IsOwnerGone(sql.connection(), owner));
+      if (!gone) continue;
       // Only its reported progress shows how far the attempt got.
       for (const SqlRow& orphan :
            sql.Run(absl::StrCat("SELECT ", kJobColumns,

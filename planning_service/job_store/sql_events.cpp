@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "core/status/status_macros.h"
 #include "planning_service/job_store/job_checks.h"
 #include "planning_service/job_store/job_rows.h"
 #include "planning_service/job_store/plain_text.h"
@@ -89,9 +90,7 @@ absl::StatusOr<bool> SqlJobStore::HasEvent(int64_t sequence) {
 }
 
 absl::StatusOr<int64_t> SqlJobStore::EventCursor(const std::string& receiver) {
-  if (absl::Status names = CheckPlainNames({{"receiver", receiver}}, {}); !names.ok()) {
-    return names;
-  }
+  SIGHTLINE_RETURN_IF_ERROR(CheckPlainNames({{"receiver", receiver}}, {}));
   // From here on the receiver is known, and events wait for it.
   return Write([&](SqlTransaction& sql) -> absl::StatusOr<int64_t> {
     sql.Run("INSERT INTO receiver (name, sequence) VALUES ($1, 0) ON CONFLICT (name) DO NOTHING",
@@ -102,9 +101,7 @@ absl::StatusOr<int64_t> SqlJobStore::EventCursor(const std::string& receiver) {
 }
 
 absl::Status SqlJobStore::SetEventCursor(const std::string& receiver, int64_t sequence) {
-  if (absl::Status names = CheckPlainNames({{"receiver", receiver}}, {}); !names.ok()) {
-    return names;
-  }
+  SIGHTLINE_RETURN_IF_ERROR(CheckPlainNames({{"receiver", receiver}}, {}));
   // A late word of one that held the receiver before does not turn the cursor back.
   return Write([&](SqlTransaction& sql) -> absl::Status {
     sql.Run(

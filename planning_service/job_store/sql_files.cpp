@@ -4,6 +4,7 @@
 #include <set>
 
 #include "absl/strings/str_cat.h"
+#include "core/status/status_macros.h"
 #include "planning_service/job_store/job_checks.h"
 #include "planning_service/job_store/job_rows.h"
 #include "planning_service/job_store/plain_text.h"
@@ -14,8 +15,7 @@ namespace sightline {
 
 absl::StatusOr<Recipe> SqlJobStore::GetRecipe(const std::string& client,
                                               const std::string& recipe_id) {
-  absl::Status names = CheckPlainNames({{"client", client}, {"recipe_id", recipe_id}}, {});
-  if (!names.ok()) return names;
+  SIGHTLINE_RETURN_IF_ERROR(CheckPlainNames({{"client", client}, {"recipe_id", recipe_id}}, {}));
   return Read([&](SqlTransaction& sql) -> absl::StatusOr<Recipe> {
     const SqlRows rows =
         sql.Run("SELECT kind, fingerprint, task FROM recipe WHERE client = $1 AND recipe_id = $2",
@@ -34,12 +34,11 @@ absl::StatusOr<Recipe> SqlJobStore::GetRecipe(const std::string& client,
 }
 
 absl::Status SqlJobStore::PutRecipe(const Recipe& recipe, const ClientQuota& quota) {
-  absl::Status names = CheckPlainNames({{"client", recipe.client},
-                                        {"recipe_id", recipe.recipe_id},
-                                        {"kind", recipe.kind},
-                                        {"fingerprint", recipe.fingerprint}},
-                                       recipe.files);
-  if (!names.ok()) return names;
+  SIGHTLINE_RETURN_IF_ERROR(CheckPlainNames({{"client", recipe.client},
+                                             {"recipe_id", recipe.recipe_id},
+                                             {"kind", recipe.kind},
+                                             {"fingerprint", recipe.fingerprint}},
+                                            recipe.files));
   return Write([&](SqlTransaction& sql) -> absl::Status {
     sql.Run("DELETE FROM recipe WHERE client = $1 AND recipe_id = $2",
             {recipe.client, recipe.recipe_id});
@@ -53,8 +52,7 @@ absl::Status SqlJobStore::PutRecipe(const Recipe& recipe, const ClientQuota& quo
 }
 
 absl::Status SqlJobStore::DeleteRecipe(const std::string& client, const std::string& recipe_id) {
-  absl::Status names = CheckPlainNames({{"client", client}, {"recipe_id", recipe_id}}, {});
-  if (!names.ok()) return names;
+  SIGHTLINE_RETURN_IF_ERROR(CheckPlainNames({{"client", client}, {"recipe_id", recipe_id}}, {}));
   return Write([&](SqlTransaction& sql) -> absl::Status {
     sql.Run("DELETE FROM recipe WHERE client = $1 AND recipe_id = $2", {client, recipe_id});
     ReplaceFiles(sql, {client, "recipe", recipe_id}, {});
@@ -71,9 +69,7 @@ absl::StatusOr<int> SqlJobStore::CountRecipes(const std::string& client) {
 
 absl::Status SqlJobStore::AddUpload(const std::string& client, const JobFile& file,
                                     const ClientQuota& quota) {
-  if (absl::Status names = CheckPlainNames({{"client", client}}, {file}); !names.ok()) {
-    return names;
-  }
+  SIGHTLINE_RETURN_IF_ERROR(CheckPlainNames({{"client", client}}, {file}));
   return Write([&](SqlTransaction& sql) -> absl::Status {
     const bool held = !sql.Run("SELECT 1 FROM named_file WHERE client = $1 AND digest = $2 LIMIT 1",
                                {client, file.digest})

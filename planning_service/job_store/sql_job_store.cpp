@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/status/status_macros.h"
 #include "planning_service/job_store/database_identity.h"
 #include "planning_service/job_store/job_rows.h"
 #include "planning_service/job_store/job_schema.h"
@@ -52,9 +53,8 @@ steady_clock::time_point SqlJobStore::EndOf(absl::Duration timeout) {
 
 absl::StatusOr<bool> SqlJobStore::BeginService() {
   return Write([&](SqlTransaction& sql) -> absl::StatusOr<bool> {
-    const absl::StatusOr<std::string> instance = database_->Instance(sql.connection());
-    if (!instance.ok()) return instance.status();
-    return SettleDatabaseIdentity(sql, *instance);
+    SIGHTLINE_ASSIGN_OR_RETURN(const std::string instance, database_->Instance(sql.connection()));
+    return SettleDatabaseIdentity(sql, instance);
   });
 }
 
@@ -102,33 +102,29 @@ absl::StatusOr<int> SqlJobStore::RemoveOlderThan(absl::Duration age) {
 
 absl::StatusOr<std::unique_ptr<PlanningJobStore>> OpenSqlJobStore(
     std::unique_ptr<SqlDatabase> database, SteadyClock clock) {
-  auto writer = database->Connect();
-  if (!writer.ok()) return writer.status();
-  auto reader = database->Connect();
-  if (!reader.ok()) return reader.status();
-  if (absl::Status begun = (*writer)->Begin(SqlAccess::kWrite); !begun.ok()) return begun;
-  SqlTransaction sql(writer->get());
+  SIGHTLINE_ASSIGN_OR_RETURN(auto writer, database->Connect());
+  SIGHTLINE_ASSIGN_OR_RETURN(auto reader, database->Connect());
+  SIGHTLINE_RETURN_IF_ERROR(writer->Begin(SqlAccess::kWrite));
+  SqlTransaction sql(writer.get());
   absl::Status migrated = MigrateJobSchema(database->Name(), &sql);
-  if (migrated.ok()) migrated = (*writer)->Commit();
+  if (migrated.ok()) migrated = writer->Commit();
   if (!migrated.ok()) {
-    (*writer)->Rollback();
+    writer->Rollback();
     return migrated;
   }
-  return std::make_unique<SqlJobStore>(std::move(database), *std::move(writer), *std::move(reader),
+  return std::make_unique<SqlJobStore>(std::move(database), std::move(writer), std::move(reader),
                                        std::move(clock));
 }
 
 absl::StatusOr<std::unique_ptr<PlanningJobStore>> OpenSqliteJobStore(const std::string& file) {
-  auto database = OpenSqliteDatabase(file);
-  if (!database.ok()) return database.status();
-  return OpenSqlJobStore(*std::move(database));
+  SIGHTLINE_ASSIGN_OR_RETURN(auto database, OpenSqliteDatabase(file));
+  return OpenSqlJobStore(std::move(database));
 }
 
 absl::StatusOr<std::unique_ptr<PlanningJobStore>> OpenPostgresJobStore(
     const std::string& connection) {
-  auto database = OpenPostgresDatabase(connection);
-  if (!database.ok()) return database.status();
-  return OpenSqlJobStore(*std::move(database));
+  SIGHTLINE_ASSIGN_OR_RETURN(auto database, OpenPostgresDatabase(connection));
+  return OpenSqlJobStore(std::move(database));
 }
 
 }  // namespace sightline

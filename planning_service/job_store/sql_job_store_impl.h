@@ -19,6 +19,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "core/status/status_macros.h"
 #include "planning_service/job_store/job_checks.h"
 #include "planning_service/job_store/job_rows.h"
 #include "planning_service/job_store/planning_job_store.h"
@@ -95,7 +96,7 @@ class SqlJobStore : public PlanningJobStore {
   // of the body undoes everything.
   template <typename Body>
   static ResultOf<Body> InTransaction(SqlConnection* connection, SqlAccess access, Body body) {
-    if (absl::Status begun = connection->Begin(access); !begun.ok()) return begun;
+    SIGHTLINE_RETURN_IF_ERROR(connection->Begin(access));
     SqlTransaction sql(connection);
     ResultOf<Body> result = body(sql);
     if (!sql.status().ok()) result = sql.status();
@@ -131,20 +132,19 @@ class SqlJobStore : public PlanningJobStore {
   // get the new one, unless another process has taken them meanwhile.
   template <typename Body>
   auto WriteAsOwner(Body body) -> std::invoke_result_t<Body, SqlTransaction&, int64_t> {
-    const absl::StatusOr<int64_t> owner = database_->Owner();
-    if (!owner.ok()) return owner.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(const int64_t owner, database_->Owner());
     auto result = Write([&](SqlTransaction& sql) {
-      own_numbers_.insert(*owner);
+      own_numbers_.insert(owner);
       for (const int64_t number : own_numbers_) {
-        if (number == *owner) continue;
+        if (number == owner) continue;
         sql.Run("UPDATE job SET owner = $1 WHERE owner = $2 AND state = 'RUNNING'",
-                {*owner, number});
+                {owner, number});
       }
-      return body(sql, *owner);
+      return body(sql, owner);
     });
     if (StatusOf(result).ok()) {
       std::lock_guard lock(write_mutex_);
-      own_numbers_ = {*owner};
+      own_numbers_ = {owner};
     }
     return result;
   }

@@ -10,6 +10,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
+#include "core/status/status_macros.h"
 #include "planning_service/job_store/job_changes.h"
 #include "planning_service/job_store/job_checks.h"
 #include "planning_service/job_store/job_rows.h"
@@ -53,12 +54,11 @@ void CountJobsAhead(SqlTransaction& sql, PlanningJob* job) {
 
 absl::StatusOr<PlanningJob> SqlJobStore::Create(const NewPlanningJob& job,
                                                 const ClientQuota& quota) {
-  absl::Status names = CheckPlainNames({{"client", job.client},
-                                        {"kind", job.kind},
-                                        {"request_id", job.request_id},
-                                        {"fingerprint", job.fingerprint}},
-                                       job.files);
-  if (!names.ok()) return names;
+  SIGHTLINE_RETURN_IF_ERROR(CheckPlainNames({{"client", job.client},
+                                             {"kind", job.kind},
+                                             {"request_id", job.request_id},
+                                             {"fingerprint", job.fingerprint}},
+                                            job.files));
   return Write([&](SqlTransaction& sql) -> absl::StatusOr<PlanningJob> {
     if (!job.request_id.empty()) {
       const auto known = FindJobRow(sql, "client = $1 AND request_id = $2 AND request_id <> ''",
@@ -103,8 +103,7 @@ absl::StatusOr<PlanningJob> SqlJobStore::Create(const NewPlanningJob& job,
          made.traceparent});
     ReplaceFiles(sql, {made.client, "file", made.job_id}, made.files);
     AddEvent(sql, "accepted", made);
-    const absl::Status room = CheckStoredBytes(sql, made.client, quota);
-    if (!room.ok()) return room;
+    SIGHTLINE_RETURN_IF_ERROR(CheckStoredBytes(sql, made.client, quota));
     CountJobsAhead(sql, &made);
     return made;
   });
@@ -130,7 +129,7 @@ absl::StatusOr<std::vector<PlanningJob>> SqlJobStore::List(const PlanningJobFilt
   std::vector<std::pair<std::string, std::string>> names;
   for (const std::string& kind : filter.kinds) names.emplace_back("kinds", kind);
   if (filter.client) names.emplace_back("client", *filter.client);
-  if (const absl::Status checked = CheckPlainNames(names, {}); !checked.ok()) return checked;
+  SIGHTLINE_RETURN_IF_ERROR(CheckPlainNames(names, {}));
 
   std::vector<SqlValue> parameters = {int64_t{std::clamp(filter.limit, 1, kMaxRows)}};
   std::vector<std::string> conditions = {"sequence > 0"};

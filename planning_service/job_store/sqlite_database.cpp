@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/status/status_macros.h"
 #include "planning_service/job_store/random_number.h"
 #include "proto/status/rpc_status.h"
 
@@ -83,7 +84,7 @@ class SqliteConnection : public SqlConnection {
     // With synchronous=FULL a commit is on disk when it returns, in WAL mode too.
     for (const char* pragma :
          {"PRAGMA journal_mode = WAL", "PRAGMA synchronous = FULL", "PRAGMA foreign_keys = ON"}) {
-      if (const auto run = connection->Run(pragma, {}); !run.ok()) return run.status();
+      SIGHTLINE_RETURN_IF_ERROR(connection->Run(pragma, {}).status());
     }
     return connection;
   }
@@ -101,12 +102,11 @@ class SqliteConnection : public SqlConnection {
 
   absl::StatusOr<SqlRows> Run(const std::string& sql,
                               const std::vector<SqlValue>& parameters) override {
-    const auto statement = Prepare(sql);
-    if (!statement.ok()) return statement.status();
-    auto rows = Execute(*statement, parameters);
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto statement, Prepare(sql));
+    auto rows = Execute(statement, parameters);
     // The statement must not keep a lock, nor the values of this call.
-    sqlite3_reset(*statement);
-    sqlite3_clear_bindings(*statement);
+    sqlite3_reset(statement);
+    sqlite3_clear_bindings(statement);
     return rows;
   }
 
@@ -254,14 +254,12 @@ absl::StatusOr<std::unique_ptr<SqlDatabase>> OpenSqliteDatabase(const std::strin
         absl::StrCat(path, ": another process has it open (it holds the lock of ", lock_file, ")"));
   }
   auto database = std::make_unique<SqliteDatabase>(path, lock);
-  auto connection = database->Connect();
-  if (!connection.ok()) return connection.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto connection, database->Connect());
   // A damaged page would else show only when a job on it is asked for.
-  const auto check = (*connection)->Run("PRAGMA quick_check(1)", {});
-  if (!check.ok()) return check.status();
-  if (check->size() != 1 || check->front().Text(0) != "ok") {
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto check, connection->Run("PRAGMA quick_check(1)", {}));
+  if (check.size() != 1 || check.front().Text(0) != "ok") {
     return absl::DataLossError(absl::StrCat(
-        path, ": the database is damaged: ", check->empty() ? "" : check->front().Text(0)));
+        path, ": the database is damaged: ", check.empty() ? "" : check.front().Text(0)));
   }
   return database;
 }

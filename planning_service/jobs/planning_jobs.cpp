@@ -11,6 +11,7 @@
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "core/status/status_macros.h"
 #include "core/text/number.h"
 #include "core/trace/trace_context.h"
 #include "planning_service/job_store/job_checks.h"
@@ -195,17 +196,15 @@ absl::StatusOr<JobFile> FileUpload::Finish(const std::string& expected_digest) {
   if (!digest.ok()) return StoringFailed(digest.status());
   file.digest = *std::move(digest);
   if (over_quota_) {
-    const auto held = store_->FindFile(client_.name, file.digest);
-    if (!held.ok()) return held.status();
-    if (!*held) {
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto held, store_->FindFile(client_.name, file.digest));
+    if (!held) {
       return QuotaExceeded(absl::StrCat("max_stored_bytes of client ", client_.name),
                            stored_bytes_ + file.size_bytes, client_.quota.max_stored_bytes);
     }
   }
   // From here on the store counts the file: another upload must not meet it twice.
   arriving_.Release();
-  absl::Status added = store_->AddUpload(client_.name, file, client_.quota);
-  if (!added.ok()) return added;
+  SIGHTLINE_RETURN_IF_ERROR(store_->AddUpload(client_.name, file, client_.quota));
   return file;
 }
 
@@ -213,11 +212,10 @@ PlanningJobs::PlanningJobs(PlanningJobStore* store, ArtefactStore* artefacts)
     : store_(store), artefacts_(artefacts) {}
 
 absl::StatusOr<FileUpload> PlanningJobs::Upload(const Client& client) {
-  const auto counts = store_->Count(client.name);
-  if (!counts.ok()) return counts.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto counts, store_->Count(client.name));
   auto writer = artefacts_->NewFile();
   if (!writer.ok()) return StoringFailed(writer.status());
-  return FileUpload(store_, client, *std::move(writer), counts->stored_bytes, &arriving_);
+  return FileUpload(store_, client, *std::move(writer), counts.stored_bytes, &arriving_);
 }
 
 absl::Status PlanningJobs::Check(const Client& client, const v1::PlanningTask& task,
@@ -235,16 +233,15 @@ absl::Status PlanningJobs::Check(const Client& client, const v1::PlanningTask& t
   std::vector<std::string> names;
   for (size_t i = 0; i < files->size(); ++i) {
     JobFile& file = (*files)[i];
-    const auto size = store_->FindFile(client.name, file.digest);
-    if (!size.ok()) return size.status();
-    if (!*size || !artefacts_->Has(file.digest)) {
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto size, store_->FindFile(client.name, file.digest));
+    if (!size || !artefacts_->Has(file.digest)) {
       return WithErrorInfo(
           absl::NotFoundError(absl::StrCat("files[", i, "]: no file of digest ",
                                            absl::CHexEscape(file.digest.substr(0, 64)),
                                            " was uploaded; upload it")),
           "FILE_UNKNOWN", {{"digest", file.digest.substr(0, 64)}});
     }
-    file.size_bytes = **size;
+    file.size_bytes = *size;
     names.push_back(file.name);
   }
   absl::Status checked =
@@ -266,9 +263,9 @@ absl::Status PlanningJobs::Check(const Client& client, const v1::PlanningTask& t
     if (file == files->end()) return absl::NotFoundError(absl::StrCat("no file ", name));
     bool wanted = true;
     for (int64_t at = 0; at < file->size_bytes && wanted; at += kScannedPieceBytes) {
-      const auto piece = artefacts_->Read(file->digest, at, kScannedPieceBytes);
-      if (!piece.ok()) return piece.status();
-      wanted = take(*piece);
+      SIGHTLINE_ASSIGN_OR_RETURN(const auto piece,
+                                 artefacts_->Read(file->digest, at, kScannedPieceBytes));
+      wanted = take(piece);
     }
     return absl::OkStatus();
   });
@@ -299,9 +296,9 @@ absl::StatusOr<PlanningJob> PlanningJobs::Create(const Client& client,
                                                  std::vector<JobFile> files, int priority) {
   v1::PlanningTask task = given;
   NormaliseFileNames(&task);
-  if (absl::Status s = CheckId("request_id", request_id, true); !s.ok()) return s;
-  if (absl::Status s = CheckPriority(client, priority); !s.ok()) return s;
-  if (absl::Status s = Check(client, task, &files); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(CheckId("request_id", request_id, true));
+  SIGHTLINE_RETURN_IF_ERROR(CheckPriority(client, priority));
+  SIGHTLINE_RETURN_IF_ERROR(Check(client, task, &files));
   NewPlanningJob job;
   job.client = client.name;
   job.kind = task.kind();
@@ -332,9 +329,8 @@ absl::StatusOr<PlanningJobs::Page> PlanningJobs::List(const Client& client,
         "NOT_AN_OPERATOR");
   }
   for (const int state : request.states()) {
-    auto parsed = FromProtoState(state);
-    if (!parsed.ok()) return parsed.status();
-    filter.states.push_back(*parsed);
+    SIGHTLINE_ASSIGN_OR_RETURN(auto parsed, FromProtoState(state));
+    filter.states.push_back(parsed);
   }
   for (const std::string& kind : request.kinds()) {
     if (std::find(TaskKinds().begin(), TaskKinds().end(), kind) == TaskKinds().end()) {
@@ -357,9 +353,8 @@ absl::StatusOr<PlanningJobs::Page> PlanningJobs::List(const Client& client,
   }
   const int size = request.page_size() == 0 ? kDefaultPage : request.page_size();
   filter.limit = size + 1;
-  auto jobs = store_->List(filter);
-  if (!jobs.ok()) return jobs.status();
-  Page page{*std::move(jobs), ""};
+  SIGHTLINE_ASSIGN_OR_RETURN(auto jobs, store_->List(filter));
+  Page page{std::move(jobs), ""};
   if (static_cast<int>(page.jobs.size()) > size) {
     page.jobs.resize(static_cast<size_t>(size));
     page.next_page_token = absl::StrCat(page.jobs.back().sequence);
@@ -368,14 +363,14 @@ absl::StatusOr<PlanningJobs::Page> PlanningJobs::List(const Client& client,
 }
 
 absl::StatusOr<PlanningJob> PlanningJobs::Cancel(const Client& client, const std::string& job_id) {
-  if (auto job = Get(client, job_id); !job.ok()) return job.status();
+  SIGHTLINE_RETURN_IF_ERROR(Get(client, job_id).status());
   return store_->RequestCancel(job_id);
 }
 
 absl::StatusOr<PlanningJob> PlanningJobs::WaitForChange(const Client& client,
                                                         const std::string& job_id, int64_t revision,
                                                         absl::Duration timeout) {
-  if (auto job = Get(client, job_id); !job.ok()) return job.status();
+  SIGHTLINE_RETURN_IF_ERROR(Get(client, job_id).status());
   return store_->WaitForChange(job_id, revision, timeout);
 }
 
@@ -387,30 +382,26 @@ absl::StatusOr<std::vector<JobEvent>> PlanningJobs::WaitForEvents(const Client& 
   const absl::Time start = absl::Now();
   while (true) {
     // The revision first: an event that comes after it ends the wait.
-    auto job = Get(client, job_id);
-    if (!job.ok()) return job.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(auto job, Get(client, job_id));
     auto events = store_->Events(sequence, job_id, kMostAtOnce);
-    if (!events.ok() || !events->empty() || job->IsFinished()) return events;
+    if (!events.ok() || !events->empty() || job.IsFinished()) return events;
     const absl::Duration left = timeout - (absl::Now() - start);
     if (left <= absl::ZeroDuration()) return events;
-    auto changed = store_->WaitForChange(job_id, job->revision, left);
-    if (!changed.ok()) return changed.status();
+    SIGHTLINE_RETURN_IF_ERROR(store_->WaitForChange(job_id, job.revision, left).status());
   }
 }
 
 absl::StatusOr<bool> PlanningJobs::KnowsEvent(int64_t sequence) {
-  const absl::StatusOr<int64_t> newest = store_->NewestEvent();
-  if (!newest.ok()) return newest.status();
-  if (sequence == 0 || sequence == *newest) return true;
+  SIGHTLINE_ASSIGN_OR_RETURN(const int64_t newest, store_->NewestEvent());
+  if (sequence == 0 || sequence == newest) return true;
   return store_->HasEvent(sequence);
 }
 
 absl::StatusOr<OpenResult> PlanningJobs::Result(const Client& client, const std::string& job_id,
                                                 const std::string& name) {
-  auto job = Get(client, job_id);
-  if (!job.ok()) return job.status();
-  if (!job->IsFinished()) return NotFinished(job_id);
-  for (const JobFile& file : job->results) {
+  SIGHTLINE_ASSIGN_OR_RETURN(auto job, Get(client, job_id));
+  if (!job.IsFinished()) return NotFinished(job_id);
+  for (const JobFile& file : job.results) {
     if (file.name != name) continue;
     auto path = artefacts_->CheckedPath(file.digest);
     if (!path.ok()) {
@@ -423,12 +414,12 @@ absl::StatusOr<OpenResult> PlanningJobs::Result(const Client& client, const std:
     return OpenResult{file, *std::move(path)};
   }
   std::vector<std::string> names;
-  for (const JobFile& file : job->results) {
+  for (const JobFile& file : job.results) {
     if (names.size() < 20) names.push_back(file.name);
   }
-  const std::string why = job->state == JobState::kSucceeded
+  const std::string why = job.state == JobState::kSucceeded
                               ? absl::StrCat("it has ", absl::StrJoin(names, ", "),
-                                             job->results.size() > names.size() ? ", ..." : "")
+                                             job.results.size() > names.size() ? ", ..." : "")
                               : "it did not succeed";
   return WithErrorInfo(
       absl::NotFoundError(absl::StrCat("job \"", job_id, "\" has no result \"",
@@ -442,13 +433,12 @@ absl::StatusOr<std::string> PlanningJobs::PrepareRecipe(const Client& client,
                                                         std::vector<JobFile> files) {
   v1::PlanningTask task = given;
   NormaliseFileNames(&task);
-  if (absl::Status s = CheckId("recipe_id", recipe_id, false); !s.ok()) return s;
-  if (absl::Status s = Check(client, task, &files); !s.ok()) return s;
-  const auto count = store_->CountRecipes(client.name);
-  if (!count.ok()) return count.status();
-  if (*count >= kMostRecipes && !store_->GetRecipe(client.name, recipe_id).ok()) {
+  SIGHTLINE_RETURN_IF_ERROR(CheckId("recipe_id", recipe_id, false));
+  SIGHTLINE_RETURN_IF_ERROR(Check(client, task, &files));
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto count, store_->CountRecipes(client.name));
+  if (count >= kMostRecipes && !store_->GetRecipe(client.name, recipe_id).ok()) {
     return WithErrorInfo(absl::ResourceExhaustedError(absl::StrCat(
-                             "the client ", client.name, " has ", *count, " recipes prepared")),
+                             "the client ", client.name, " has ", count, " recipes prepared")),
                          "QUOTA_EXCEEDED");
   }
   Recipe recipe;
@@ -458,53 +448,49 @@ absl::StatusOr<std::string> PlanningJobs::PrepareRecipe(const Client& client,
   recipe.fingerprint = TaskFingerprint(task, files);
   recipe.task = task.SerializeAsString();
   recipe.files = std::move(files);
-  if (absl::Status s = store_->PutRecipe(recipe, client.quota); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(store_->PutRecipe(recipe, client.quota));
   return recipe.fingerprint;
 }
 
 absl::Status PlanningJobs::UnprepareRecipe(const Client& client, const std::string& recipe_id) {
-  if (absl::Status s = CheckId("recipe_id", recipe_id, false); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(CheckId("recipe_id", recipe_id, false));
   return store_->DeleteRecipe(client.name, recipe_id);
 }
 
 absl::StatusOr<PlanningJob> PlanningJobs::StartJob(const Client& client,
                                                    const std::string& request_id,
                                                    const std::string& recipe_id, int priority) {
-  if (absl::Status s = CheckId("request_id", request_id, true); !s.ok()) return s;
-  if (absl::Status s = CheckId("recipe_id", recipe_id, false); !s.ok()) return s;
-  if (absl::Status s = CheckPriority(client, priority); !s.ok()) return s;
-  auto recipe = store_->GetRecipe(client.name, recipe_id);
-  if (!recipe.ok()) return recipe.status();
-  auto task = ParseTask(recipe->task);
-  if (!task.ok()) return task.status();
-  if (!client.MayAsk(recipe->kind)) {
+  SIGHTLINE_RETURN_IF_ERROR(CheckId("request_id", request_id, true));
+  SIGHTLINE_RETURN_IF_ERROR(CheckId("recipe_id", recipe_id, false));
+  SIGHTLINE_RETURN_IF_ERROR(CheckPriority(client, priority));
+  SIGHTLINE_ASSIGN_OR_RETURN(auto recipe, store_->GetRecipe(client.name, recipe_id));
+  SIGHTLINE_RETURN_IF_ERROR(ParseTask(recipe.task).status());
+  if (!client.MayAsk(recipe.kind)) {
     return WithErrorInfo(absl::PermissionDeniedError(absl::StrCat(
-                             "the client ", client.name, " may not ask for ", recipe->kind)),
+                             "the client ", client.name, " may not ask for ", recipe.kind)),
                          "KIND_NOT_ALLOWED");
   }
   NewPlanningJob job;
   job.client = client.name;
-  job.kind = recipe->kind;
+  job.kind = recipe.kind;
   job.request_id = request_id;
-  job.fingerprint = recipe->fingerprint;
-  job.task = recipe->task;
-  job.files = recipe->files;
+  job.fingerprint = recipe.fingerprint;
+  job.task = recipe.task;
+  job.files = recipe.files;
   job.priority = priority;
   return Accept(client, std::move(job));
 }
 
 absl::StatusOr<v1::GetVisionStateResponse> PlanningJobs::VisionState(const Client& client) {
-  const auto counts = store_->Count(client.name);
-  if (!counts.ok()) return counts.status();
-  const auto recipes = store_->CountRecipes(client.name);
-  if (!recipes.ok()) return recipes.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto counts, store_->Count(client.name));
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto recipes, store_->CountRecipes(client.name));
   v1::GetVisionStateResponse response;
-  response.set_queued_jobs(counts->queued);
-  response.set_running_jobs(counts->running);
+  response.set_queued_jobs(counts.queued);
+  response.set_running_jobs(counts.running);
   using State = v1::GetVisionStateResponse;
   response.set_state(!artefacts_->HasRoom() ? State::ERROR
-                     : counts->running > 0  ? State::SINGLE_EXECUTION
-                     : *recipes > 0         ? State::READY
+                     : counts.running > 0   ? State::SINGLE_EXECUTION
+                     : recipes > 0          ? State::READY
                                             : State::INITIALIZED);
   return response;
 }

@@ -10,6 +10,8 @@
 #include <utility>
 #include <vector>
 
+#include "core/status/status_macros.h"
+
 namespace sightline {
 namespace {
 
@@ -32,12 +34,11 @@ absl::StatusOr<int64_t> NewestEvent(PlanningJobStore* store) {
   int64_t high = std::numeric_limits<int64_t>::max() / 2;
   while (low < high) {
     const int64_t middle = low + (high - low) / 2;
-    const auto later = store->Events(middle, std::nullopt, 1);
-    if (!later.ok()) return later.status();
-    if (later->empty()) {
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto later, store->Events(middle, std::nullopt, 1));
+    if (later.empty()) {
       high = middle;
     } else {
-      low = later->front().sequence;
+      low = later.front().sequence;
     }
   }
   return low;
@@ -93,24 +94,21 @@ void PlanningMetrics::Refresh() {
 }
 
 absl::Status PlanningMetrics::ReadStore() {
-  const auto counts = store_->Count(std::nullopt);
-  if (!counts.ok()) return counts.status();
-  queued_.Set(counts->queued);
-  running_.Set(counts->running);
-  stored_bytes_.Set(static_cast<double>(counts->stored_bytes));
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto counts, store_->Count(std::nullopt));
+  queued_.Set(counts.queued);
+  running_.Set(counts.running);
+  stored_bytes_.Set(static_cast<double>(counts.stored_bytes));
   if (!last_event_) {
-    const auto newest = NewestEvent(store_);
-    if (!newest.ok()) return newest.status();
-    last_event_ = *newest;
+    SIGHTLINE_ASSIGN_OR_RETURN(last_event_, NewestEvent(store_));
   }
   return CountEnded();
 }
 
 absl::Status PlanningMetrics::CountEnded() {
   for (int page = 0; page < kMostPages; ++page) {
-    const auto events = store_->Events(*last_event_, std::nullopt, kEventsPerPage);
-    if (!events.ok()) return events.status();
-    for (const JobEvent& event : *events) {
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto events,
+                               store_->Events(*last_event_, std::nullopt, kEventsPerPage));
+    for (const JobEvent& event : events) {
       if (const auto outcome = Outcomes().find(event.type); outcome != Outcomes().end()) {
         const std::string& kind = event.job.kind;
         ended_.Add({{"kind", kind}, {"outcome", outcome->second}}).Increment();
@@ -124,7 +122,7 @@ absl::Status PlanningMetrics::CountEnded() {
       }
       last_event_ = event.sequence;
     }
-    if (events->size() < static_cast<size_t>(kEventsPerPage)) break;
+    if (events.size() < static_cast<size_t>(kEventsPerPage)) break;
   }
   return absl::OkStatus();
 }

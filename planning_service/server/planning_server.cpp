@@ -12,6 +12,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "core/process_folder/process_folder.h"
+#include "core/status/status_macros.h"
 #include "planning_service/access/client_access.h"
 #include "planning_service/artefact_store/artefact_store.h"
 #include "planning_service/events/event_delivery.h"
@@ -54,11 +55,9 @@ absl::Status CheckExposure(const PlanningServerOptions& options) {
   for (const auto& [option, address] :
        {std::pair("--listen", options.rpc.listen), std::pair("--http", options.http_listen)}) {
     if (address.empty() || IsUnixAddress(address)) continue;
-    auto host = HostOfAddress(option, address);
-    if (!host.ok()) return host.status();
-    auto loopback = IsLoopbackHost(*host);
-    if (!loopback.ok()) return loopback.status();
-    if (*loopback || options.rpc.allow_plaintext) continue;
+    SIGHTLINE_ASSIGN_OR_RETURN(auto host, HostOfAddress(option, address));
+    SIGHTLINE_ASSIGN_OR_RETURN(auto loopback, IsLoopbackHost(host));
+    if (loopback || options.rpc.allow_plaintext) continue;
     if (!has_tls) {
       return absl::InvalidArgumentError(absl::StrCat(
           option, " ", address,
@@ -121,48 +120,40 @@ class PlanningServerImpl final : public PlanningServer {
   ~PlanningServerImpl() override { Drain(absl::ZeroDuration()); }
 
   absl::Status Start(const PlanningServerOptions& options) {
-    if (absl::Status s = CheckExposure(options); !s.ok()) return s;
-    if (absl::Status s = CheckDatabase(options.database); !s.ok()) return s;
-    auto engine = MakeEngine(options);
-    if (!engine.ok()) return engine.status();
-    engine_ = *std::move(engine);
+    SIGHTLINE_RETURN_IF_ERROR(CheckExposure(options));
+    SIGHTLINE_RETURN_IF_ERROR(CheckDatabase(options.database));
+    SIGHTLINE_ASSIGN_OR_RETURN(engine_, MakeEngine(options));
     const std::string work_folder = options.data_folder + "/work";
     for (const std::string& folder : {options.data_folder, work_folder}) {
-      if (absl::Status s = MakeFolder(folder); !s.ok()) return s;
+      SIGHTLINE_RETURN_IF_ERROR(MakeFolder(folder));
     }
-    auto store = options.database.empty() ? OpenSqliteJobStore(options.data_folder + "/jobs.sqlite")
-                                          : OpenPostgresJobStore(options.database);
-    if (!store.ok()) return store.status();
-    store_ = *std::move(store);
-    const absl::StatusOr<bool> restored = store_->BeginService();
-    if (!restored.ok()) return restored.status();
-    if (*restored) {
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        store_, options.database.empty() ? OpenSqliteJobStore(options.data_folder + "/jobs.sqlite")
+                                         : OpenPostgresJobStore(options.database));
+    SIGHTLINE_ASSIGN_OR_RETURN(const bool restored, store_->BeginService());
+    if (restored) {
       spdlog::warn(
           "event=database_moved hint=\"the database was restored, copied or made by an"
           " older version: event ids go on 2^32 higher\"");
     }
     metrics_.SetStore(store_.get());
     const std::string data_folder = fs::absolute(options.data_folder).string();
-    auto artefacts = ArtefactStore::Open(data_folder + "/artefacts", options.min_free_bytes);
-    if (!artefacts.ok()) return artefacts.status();
-    artefacts_ = *std::move(artefacts);
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        artefacts_, ArtefactStore::Open(data_folder + "/artefacts", options.min_free_bytes));
     if (options.clients_file.empty()) {
       access_ = AllowEverybody();
     } else {
-      auto access = ReadClientAccess(options.clients_file);
-      if (!access.ok()) return access.status();
-      access_ = *std::move(access);
+      SIGHTLINE_ASSIGN_OR_RETURN(access_, ReadClientAccess(options.clients_file));
     }
     // Jobs that ran when an earlier server ended.
-    if (auto orphans = store_->RequeueOrphans(); !orphans.ok()) return orphans.status();
+    SIGHTLINE_RETURN_IF_ERROR(store_->RequeueOrphans().status());
     jobs_ = std::make_unique<PlanningJobs>(store_.get(), artefacts_.get());
     service_ = std::make_unique<PlanningServiceImpl>(jobs_.get(), access_.get(), &calls_);
-    if (absl::Status s = StartEvents(options); !s.ok()) return s;
-    if (absl::Status s = StartHttp(options); !s.ok()) return s;
+    SIGHTLINE_RETURN_IF_ERROR(StartEvents(options));
+    SIGHTLINE_RETURN_IF_ERROR(StartHttp(options));
     RpcServerOptions rpc = options.rpc;
     rpc.max_request_bytes = kMostRequestBytes;
-    absl::Status listening = rpc_.Listen(rpc, {{"sightline.v1.PlanningService", service_.get()}});
-    if (!listening.ok()) return listening;
+    SIGHTLINE_RETURN_IF_ERROR(rpc_.Listen(rpc, {{"sightline.v1.PlanningService", service_.get()}}));
 
     HousekeepingOptions housekeeping;
     housekeeping.keep_finished = options.keep_finished;
@@ -206,14 +197,12 @@ class PlanningServerImpl final : public PlanningServer {
   absl::Status StartEvents(const PlanningServerOptions& options) {
     std::vector<std::unique_ptr<EventReceiver>> receivers;
     for (const MqttOptions& mqtt : options.mqtt) {
-      auto receiver = MakeMqttReceiver(mqtt);
-      if (!receiver.ok()) return receiver.status();
-      receivers.push_back(*std::move(receiver));
+      SIGHTLINE_ASSIGN_OR_RETURN(auto receiver, MakeMqttReceiver(mqtt));
+      receivers.push_back(std::move(receiver));
     }
     for (const WebhookOptions& webhook : options.webhooks) {
-      auto receiver = MakeWebhookReceiver(webhook);
-      if (!receiver.ok()) return receiver.status();
-      receivers.push_back(*std::move(receiver));
+      SIGHTLINE_ASSIGN_OR_RETURN(auto receiver, MakeWebhookReceiver(webhook));
+      receivers.push_back(std::move(receiver));
     }
     if (!receivers.empty()) {
       events_ = std::make_unique<EventDelivery>(store_.get(), std::move(receivers));
@@ -234,9 +223,7 @@ class PlanningServerImpl final : public PlanningServer {
       http.web_files.push_back(
           {std::move(file.path), std::move(file.content_type), std::move(file.bytes)});
     }
-    auto started = HttpApi::Start(http, jobs_.get(), access_.get());
-    if (!started.ok()) return started.status();
-    http_ = *std::move(started);
+    SIGHTLINE_ASSIGN_OR_RETURN(http_, HttpApi::Start(http, jobs_.get(), access_.get()));
     http_scheme_ = http.tls_certificate_file.empty() ? "http://" : "https://";
     return absl::OkStatus();
   }
@@ -263,7 +250,7 @@ class PlanningServerImpl final : public PlanningServer {
 absl::StatusOr<std::unique_ptr<PlanningServer>> StartPlanningServer(
     const PlanningServerOptions& options) {
   auto server = std::make_unique<PlanningServerImpl>();
-  if (absl::Status started = server->Start(options); !started.ok()) return started;
+  SIGHTLINE_RETURN_IF_ERROR(server->Start(options));
   return server;
 }
 

@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/command_options/option_values.h"
 #include "core/process/program_path.h"
+#include "core/status/status_macros.h"
 #include "planning_service/server/planning_server.h"
 #include "rpc_server/server_main.h"
 
@@ -178,18 +179,17 @@ int PlanningServerMain(int argc, char** argv) {
                        "there is no executable ",
                        options.program));
     }
-    if (absl::Status s = CheckRunnerOptions(options, cpus); !s.ok()) return s;
+    SIGHTLINE_RETURN_IF_ERROR(CheckRunnerOptions(options, cpus));
     if (max_job_time_s > 0) options.max_job_time = absl::Seconds(max_job_time_s);
     options.slurm.cpus = options.kubernetes.cpus = cpus;
     options.keep_finished = absl::Hours(24 * retention_days);
     FillEventOptions(events, options.rpc.allow_plaintext, &options);
-    auto server = StartPlanningServer(options);
-    if (!server.ok()) return server.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(auto server, StartPlanningServer(options));
     // Comes before the line that says that the server listens.
-    if (const std::string url = (*server)->http_url(); !url.empty()) {
+    if (const std::string url = server->http_url(); !url.empty()) {
       std::printf("%s\n", url.c_str());
     }
-    return *std::move(server);
+    return server;
   };
   return ServerMain(argc, argv, program, &options.rpc);
 }

@@ -15,6 +15,7 @@
 #include "core/part/gltf_buffer_files.h"
 #include "core/part/load_part.h"
 #include "core/process_folder/process_folder.h"
+#include "core/status/status_macros.h"
 #include "core/text/step_length_unit.h"
 #include "core/tolerance/qif/qif_reader.h"
 #include "core/tolerance/qif/qif_units.h"
@@ -112,10 +113,9 @@ absl::Status CheckStepText(const FileWithUnit& file, const StepText& text) {
 
 absl::Status CheckGltf(const FileWithUnit& file, const std::vector<std::string>& files,
                        const TaskFilePieces& read) {
-  const auto bytes = BytesOf(file.file, kMostScannedBytes, read);
-  if (!bytes.ok()) return bytes.status();
-  if (bytes->size() > kMostScannedBytes) return absl::OkStatus();
-  const auto buffers = GltfBufferFiles(*bytes);
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto bytes, BytesOf(file.file, kMostScannedBytes, read));
+  if (bytes.size() > kMostScannedBytes) return absl::OkStatus();
+  const auto buffers = GltfBufferFiles(bytes);
   if (!buffers.ok()) {
     return Violates(file.file_field,
                     absl::StrCat("is ", file.file, ", which is ", buffers.status().message()));
@@ -136,13 +136,12 @@ absl::Status CheckGltf(const FileWithUnit& file, const std::vector<std::string>&
 
 absl::Status CheckQif(const std::string& task_kind, const FileWithUnit& file,
                       const TaskFilePieces& read) {
-  const auto bytes = BytesOf(file.file, kMostQifBytes, read);
-  if (!bytes.ok()) return bytes.status();
-  if (bytes->size() > kMostQifBytes) return absl::OkStatus();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto bytes, BytesOf(file.file, kMostQifBytes, read));
+  if (bytes.size() > kMostQifBytes) return absl::OkStatus();
   const auto folder = ProcessFolder::Make(TemporaryBase(), "sightline-task");
   if (!folder.ok()) return absl::InternalError("no folder for checking the task");
   const std::string path = (fs::path(folder->path()) / "tolerances.qif").string();
-  if (absl::Status written = WriteFileAtomically(path, *bytes); !written.ok()) {
+  if (absl::Status written = WriteFileAtomically(path, bytes); !written.ok()) {
     return absl::InternalError("the QIF file cannot be written to be checked");
   }
   const absl::Status status = ReadQif(path, "", file.unit).status();
@@ -159,18 +158,16 @@ absl::Status CheckFileContents(const v1::PlanningTask& task, const std::vector<s
   // Results by file and by whether it was passed over to its end.
   std::map<std::pair<std::string, bool>, StepText> scanned;
   for (const FileWithUnit& file : FilesOfTask(task)) {
-    const auto begin = BytesOf(file.file, 0, read);
-    if (!begin.ok()) return begin.status();
-    if (begin->empty())
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto begin, BytesOf(file.file, 0, read));
+    if (begin.empty())
       return Violates(file.file_field, absl::StrCat("is ", file.file, ", which is empty"));
     absl::Status checked;
     if (IsStepFileName(file.file)) {
       const std::pair key(file.file, !file.unit.empty());
       auto known = scanned.find(key);
       if (known == scanned.end()) {
-        const absl::StatusOr<StepText> text = ScanStep(file.file, key.second, read);
-        if (!text.ok()) return text.status();
-        known = scanned.emplace(key, *text).first;
+        SIGHTLINE_ASSIGN_OR_RETURN(const StepText text, ScanStep(file.file, key.second, read));
+        known = scanned.emplace(key, text).first;
       }
       checked = CheckStepText(file, known->second);
     } else if (absl::EndsWithIgnoreCase(file.file, ".gltf")) {

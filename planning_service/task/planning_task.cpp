@@ -31,6 +31,7 @@
 #include "core/process_folder/process_folder.h"
 #include "core/recordings/assumed_values.h"
 #include "core/recordings/recordings.h"
+#include "core/status/status_macros.h"
 #include "core/text/length_unit.h"
 #include "core/text/number_text.h"
 #include "planning_service/task/option_fields.h"
@@ -191,7 +192,7 @@ absl::Status CheckKind(const v1::PlanningTask& task) {
        {std::tuple("inspection", rule.inspection, task.has_inspection()),
         std::tuple(task.plan_job_id().empty() ? "plan" : "plan_job_id", rule.plan, plan),
         std::tuple("recordings", rule.recordings, task.has_recordings())}) {
-    if (absl::Status s = CheckGiven(task.kind(), field, need, given); !s.ok()) return s;
+    SIGHTLINE_RETURN_IF_ERROR(CheckGiven(task.kind(), field, need, given));
   }
   if (task.other_part() && !plan) {
     return Invalid("other_part", "belongs to a task with plan or plan_job_id");
@@ -364,10 +365,9 @@ absl::Status WriteDescriptions(const v1::Inspection& inspection, const TaskFileR
     if (!assignment.file().empty()) names.insert(assignment.file());
   }
   for (const std::string& name : names) {
-    auto bytes = read(name);
-    if (!bytes.ok()) return bytes.status();
-    if (bytes->size() > kMaxDescriptionBytes) {
-      return absl::InvalidArgumentError(absl::StrCat(name, ": has ", bytes->size(),
+    SIGHTLINE_ASSIGN_OR_RETURN(auto bytes, read(name));
+    if (bytes.size() > kMaxDescriptionBytes) {
+      return absl::InvalidArgumentError(absl::StrCat(name, ": has ", bytes.size(),
                                                      " bytes; a camera or material file has at "
                                                      "most ",
                                                      kMaxDescriptionBytes));
@@ -376,7 +376,7 @@ absl::Status WriteDescriptions(const v1::Inspection& inspection, const TaskFileR
     std::error_code error;
     fs::create_directories(path.parent_path(), error);
     std::ofstream file(path, std::ios::binary);
-    file << *bytes;
+    file << bytes;
     file.close();
     if (error || !file) {
       return absl::InternalError(absl::StrCat(name, ": cannot be written to be checked"));
@@ -404,7 +404,7 @@ absl::Status CheckMaterialFiles(const v1::Inspection& inlined, const std::string
     for (NamedFile& name : named) {
       name.file = fs::path(name.file).lexically_normal().lexically_relative(folder).string();
     }
-    if (absl::Status s = CheckNamed(named, files); !s.ok()) return s;
+    SIGHTLINE_RETURN_IF_ERROR(CheckNamed(named, files));
   }
   return absl::OkStatus();
 }
@@ -414,13 +414,13 @@ absl::Status CheckInspection(const v1::Inspection& message, const std::set<std::
   if (message.part().file().empty()) return Invalid("inspection.part.file", "is missing");
   const auto folder = ProcessFolder::Make(TemporaryBase(), "sightline-task");
   if (!folder.ok()) return absl::InternalError("no folder for checking the task");
-  if (absl::Status s = WriteDescriptions(message, read, folder->path()); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(WriteDescriptions(message, read, folder->path()));
   const auto inlined = InlineInspectionFiles(message, kInspectionFile, folder->path());
   if (!inlined.ok()) {
     return AsViolation(kInspectionFile, "inspection.",
                        WithoutFolder(inlined.status(), folder->path()));
   }
-  if (absl::Status s = CheckMaterialFiles(*inlined, folder->path(), files); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(CheckMaterialFiles(*inlined, folder->path(), files));
   const auto parsed = ParseInspection(*inlined, kInspectionFile, "");
   if (!parsed.ok()) {
     return AsViolation(kInspectionFile, "inspection.",
@@ -471,8 +471,8 @@ absl::Status CheckTask(const v1::PlanningTask& task, const std::vector<std::stri
   if (const std::optional<std::string> field = FirstNonFiniteField(task)) {
     return Invalid(*field, "must be a finite number");
   }
-  if (absl::Status s = CheckKind(task); !s.ok()) return s;
-  if (absl::Status s = CheckOptions(task); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(CheckKind(task));
+  SIGHTLINE_RETURN_IF_ERROR(CheckOptions(task));
   if (files.size() > kMostFiles) {
     return Invalid("files", absl::StrCat("has ", files.size(), " entries, at most ", kMostFiles));
   }
@@ -511,7 +511,7 @@ absl::Status CheckTask(const v1::PlanningTask& task, const std::vector<std::stri
       return absl::StartsWith(name.field, "recordings.recordings[");
     });
   }
-  if (absl::Status s = CheckNamed(named, names); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(CheckNamed(named, names));
   if (task.has_recordings()) {
     v1::Recordings recordings = task.recordings();
     // A diagnosis assumes and fits unstated values.
@@ -533,13 +533,12 @@ std::string TaskFingerprint(const v1::PlanningTask& task, const std::vector<JobF
 absl::Status WriteTaskFiles(const v1::PlanningTask& task, const std::string& folder) {
   const fs::path base(folder);
   if (task.has_inspection()) {
-    absl::Status s =
-        WriteFileAtomically((base / kInspectionFile).string(), ToJson(task.inspection()) + "\n");
-    if (!s.ok()) return s;
+    SIGHTLINE_RETURN_IF_ERROR(
+        WriteFileAtomically((base / kInspectionFile).string(), ToJson(task.inspection()) + "\n"));
   }
   if (task.has_plan()) {
-    absl::Status s = WriteFileAtomically((base / kPlanFile).string(), ToJson(task.plan()) + "\n");
-    if (!s.ok()) return s;
+    SIGHTLINE_RETURN_IF_ERROR(
+        WriteFileAtomically((base / kPlanFile).string(), ToJson(task.plan()) + "\n"));
   }
   if (task.has_recordings()) {
     return WriteFileAtomically((base / kRecordingsFile).string(),

@@ -14,6 +14,7 @@
 #include "core/field_limits/field_checks.h"
 #include "core/parallel/worker_threads.h"
 #include "core/random/seed.h"
+#include "core/status/status_macros.h"
 #include "render_worker/detectability/facet.h"
 #include "render_worker/detectability/facet_exposures.h"
 #include "render_worker/render/part_scene.h"
@@ -92,11 +93,11 @@ class MaterialTable {
   absl::StatusOr<v1::DetectabilityOfMaterial> Make(
       const Inspection& inspection, const MaterialChoice& material, const AssetResolver& assets,
       const std::function<void(double)>& report) const {
-    const auto scene = MakeFacetScene(inspection, OnFacet(material.material), laser_distance_m_,
-                                      distances_m_.back(), task_.f_number, assets);
-    if (!scene.ok()) return scene.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        const auto scene, MakeFacetScene(inspection, OnFacet(material.material), laser_distance_m_,
+                                         distances_m_.back(), task_.f_number, assets));
     std::vector<ExposureRange> ranges(points_.size());
-    if (absl::Status status = Render(**scene, report, ranges); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(Render(*scene, report, ranges));
     return Filled(ranges);
   }
 
@@ -188,7 +189,7 @@ absl::StatusOr<v1::DetectabilityTable> MakeDetectabilityTable(const Inspection& 
                                                               const DetectabilityTask& task,
                                                               const DetectabilityHooks& hooks) {
   const FrameSetup nominal = PartFrameSetup(inspection, {MeasurementOf({0.4, 0, 0.5, 0})});
-  if (absl::Status s = CheckEffectsActOnParts(nominal, effects); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(CheckEffectsActOnParts(nominal, effects));
   // Names of the same material share its table.
   std::map<std::string, v1::DetectabilityOfMaterial> known;
   std::map<std::string, const MaterialChoice*> different;
@@ -208,9 +209,8 @@ absl::StatusOr<v1::DetectabilityTable> MakeDetectabilityTable(const Inspection& 
       hooks.on_progress((static_cast<double>(done) + fraction) / of,
                         absl::StrCat("light of ", material->material.name()));
     };
-    auto table = maker.Make(inspection, *material, assets, report);
-    if (!table.ok()) return table.status();
-    known.emplace(bytes, *std::move(table));
+    SIGHTLINE_ASSIGN_OR_RETURN(auto table, maker.Make(inspection, *material, assets, report));
+    known.emplace(bytes, std::move(table));
     ++done;
   }
   v1::DetectabilityTable table;

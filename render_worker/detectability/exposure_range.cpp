@@ -5,6 +5,8 @@
 #include <array>
 #include <cmath>
 
+#include "core/status/status_macros.h"
+
 namespace sightline {
 namespace {
 
@@ -22,9 +24,8 @@ absl::StatusOr<ExposureRange> FindExposureRange(SettingJudge& judge, const Inspe
   const double most_clipped = inspection.optics->max_clipped_fraction;
   const auto shows = [&](double time_s) -> absl::StatusOr<bool> {
     const std::array<double, 1> times = {time_s};
-    auto judged = judge.Judge(times, inspection.rig.laser.power_w);
-    if (!judged.ok()) return judged.status();
-    const LineQuality& quality = judged->front().quality.mean();
+    SIGHTLINE_ASSIGN_OR_RETURN(auto judged, judge.Judge(times, inspection.rig.laser.power_w));
+    const LineQuality& quality = judged.front().quality.mean();
     return quality.profile_coverage >= min_detected_fraction &&
            quality.clipped_fraction <= most_clipped;
   };
@@ -32,9 +33,8 @@ absl::StatusOr<ExposureRange> FindExposureRange(SettingJudge& judge, const Inspe
   const auto narrow = [&](double showing_s, double other_s) -> absl::StatusOr<double> {
     while (std::max(showing_s / other_s, other_s / showing_s) > kNearEnough) {
       const double middle_s = std::sqrt(showing_s * other_s);
-      const auto here = shows(middle_s);
-      if (!here.ok()) return here.status();
-      (*here ? showing_s : other_s) = middle_s;
+      SIGHTLINE_ASSIGN_OR_RETURN(const auto here, shows(middle_s));
+      (here ? showing_s : other_s) = middle_s;
     }
     return showing_s;
   };
@@ -65,18 +65,13 @@ absl::StatusOr<ExposureRange> FindExposureRange(SettingJudge& judge, const Inspe
   ExposureRange range;
   range.shortest_s = time_s;
   if (before_s > 0) {
-    const auto shortest = narrow(time_s, before_s);
-    if (!shortest.ok()) return shortest.status();
-    range.shortest_s = *shortest;
+    SIGHTLINE_ASSIGN_OR_RETURN(range.shortest_s, narrow(time_s, before_s));
   }
   while (time_s < kLongestTried_s) {
     const double longer_s = 2 * time_s;
-    const auto longer = shows(longer_s);
-    if (!longer.ok()) return longer.status();
-    if (!*longer) {
-      const auto longest = narrow(time_s, longer_s);
-      if (!longest.ok()) return longest.status();
-      range.longest_s = *longest;
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto longer, shows(longer_s));
+    if (!longer) {
+      SIGHTLINE_ASSIGN_OR_RETURN(range.longest_s, narrow(time_s, longer_s));
       return range;
     }
     time_s = longer_s;

@@ -5,6 +5,7 @@
 #include <array>
 #include <utility>
 
+#include "core/status/status_macros.h"
 #include "proto/status/rpc_status.h"
 #include "render_worker/detectability/exposure_range.h"
 #include "render_worker/optical_planning/choose_setting.h"
@@ -83,7 +84,7 @@ absl::StatusOr<ExposureRange> FacetExposures(PartScene& scene,
                      {{std::make_shared<const FrameLight>(*std::move(light)), 1}}, seed, limits);
   // The shortest of the grid fills a 25th of a bright pixel.
   const double fill_s = 25 * MakeExposureGrid(judge, inspection, ExposureLimit{}).min_s;
-  if (absl::Status looked = judge.LookThrough(lens); !looked.ok()) return looked;
+  SIGHTLINE_RETURN_IF_ERROR(judge.LookThrough(lens));
   return FindExposureRange(judge, inspection, fill_s, min_detected_fraction);
 }
 

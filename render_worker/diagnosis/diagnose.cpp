@@ -13,6 +13,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "core/status/status_macros.h"
 #include "render_worker/calibration/inspection_change.h"
 #include "render_worker/diagnosis/finding/appearance.h"
 #include "render_worker/diagnosis/finding/calibrated_set.h"
@@ -262,7 +263,7 @@ absl::StatusOr<v1::Diagnosis> Diagnose(const RecordedSet& set, const DiagnosisSe
           absl::StrCat("excluded_effects: \"", id, "\" is not an effect"));
     }
   }
-  if (const absl::Status enough = CheckEnough(set); !enough.ok()) return enough;
+  SIGHTLINE_RETURN_IF_ERROR(CheckEnough(set));
   const absl::Status cancelled = absl::CancelledError("diagnosis cancelled");
   const auto report = [&](double fraction, std::string_view what) {
     return !progress || progress(fraction, what);
@@ -281,7 +282,7 @@ absl::StatusOr<v1::Diagnosis> Diagnose(const RecordedSet& set, const DiagnosisSe
   SetParameters start;
   start.line_shift_px = EstimateLineShifts(model, start);
   const FitResult null = FitSet(model, start, {}, {}, nullptr);
-  if (const absl::Status fitted = CheckFit(set, null); !fitted.ok()) return fitted;
+  SIGHTLINE_RETURN_IF_ERROR(CheckFit(set, null));
 
   ComparisonSettings comparison_settings;
   std::erase_if(effects, [&](const Effect* effect) {

@@ -8,6 +8,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "core/rig/scheimpflug.h"
+#include "core/status/status_macros.h"
 #include "render_worker/sensor/expose.h"
 
 namespace sightline {
@@ -155,11 +156,10 @@ absl::StatusOr<FormedImage> FormImage(IdealImage image, const FrameSetup& frame,
   for (const ActiveEffect& active : effects) {
     active.effect->OnIdealImage(image, frame, active.parameters);
   }
-  auto light = FormLight(image, frame, effects, speckle, threads);
-  if (!light.ok()) return light.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto light, FormLight(image, frame, effects, speckle, threads));
   image = {};
-  ReadOutImage read_out = ReadOut(*light, frame, effects, previous_mean_electrons);
-  return FormedImage{std::move(read_out.raw_dn), *std::move(light),
+  ReadOutImage read_out = ReadOut(light, frame, effects, previous_mean_electrons);
+  return FormedImage{std::move(read_out.raw_dn), std::move(light),
                      std::move(read_out.mean_photo_electrons)};
 }
 

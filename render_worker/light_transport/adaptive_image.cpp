@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "core/random/counter_random.h"
+#include "core/status/status_macros.h"
 #include "render_worker/light_transport/feature_filter.h"
 #include "render_worker/light_transport/tiles.h"
 
@@ -227,11 +228,10 @@ absl::Status Filter(SampledImage& image, const PixelValues& noisy, const Adaptiv
   PixelValues paraboloid = noisy;
   const FeatureFilter filter(noisy, features, image.count(kFilterable), options.filter_radius_px);
   const int tasks = (rows + kFilterRowsPerTask - 1) / kFilterRowsPerTask;
-  absl::Status status = ForEachTile(tasks, options.threads, progress, from, to, [&](int task) {
+  SIGHTLINE_RETURN_IF_ERROR(ForEachTile(tasks, options.threads, progress, from, to, [&](int task) {
     filter.Rows(task * kFilterRowsPerTask, std::min(rows, (task + 1) * kFilterRowsPerTask),
                 filtered, paraboloid);
-  });
-  if (!status.ok()) return status;
+  }));
   const int c = options.noise_channel, channels = options.channels;
   std::vector<float> noise(pixels), difference(pixels), bias2(pixels);
   for (size_t p = 0; p < pixels; ++p) {

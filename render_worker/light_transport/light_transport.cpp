@@ -3,6 +3,7 @@
 
 #include <utility>
 
+#include "core/status/status_macros.h"
 #include "render_worker/light_transport/lamps/incoherent_transport.h"
 #include "render_worker/light_transport/laser/laser_transport.h"
 #include "render_worker/light_transport/scene.h"
@@ -33,9 +34,8 @@ class SceneLightTransport : public LightTransport {
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<LightTransport>> LightTransport::Make(SceneDescription description) {
-  auto scene = RayScene::Make(std::move(description));
-  if (!scene.ok()) return scene.status();
-  return std::make_unique<SceneLightTransport>(*std::move(scene));
+  SIGHTLINE_ASSIGN_OR_RETURN(auto scene, RayScene::Make(std::move(description)));
+  return std::make_unique<SceneLightTransport>(std::move(scene));
 }
 
 }  // namespace sightline

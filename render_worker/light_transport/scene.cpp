@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -83,7 +84,7 @@ void AttachTriangles(RTCDevice device, RTCScene scene, const Eigen::Vector3f* po
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<RayScene>> RayScene::Make(SceneDescription description) {
-  if (absl::Status status = CheckDescription(description); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(CheckDescription(description));
   std::unique_ptr<RayScene> scene(new RayScene(std::move(description)));
   const SceneDescription& d = scene->description_;
   scene->device_ = rtcNewDevice("threads=1");

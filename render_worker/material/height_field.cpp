@@ -12,6 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/file/read_file.h"
 #include "core/image/read_raw_image.h"
+#include "core/status/status_macros.h"
 #include "core/text/number_table.h"
 
 namespace sightline {
@@ -213,18 +214,17 @@ absl::StatusOr<HeightField> ReadHeightField(const std::string& path, double samp
   const std::string lower = absl::AsciiStrToLower(path);
   const bool is_image = absl::EndsWith(lower, ".png") || absl::EndsWith(lower, ".tif") ||
                         absl::EndsWith(lower, ".tiff");
-  absl::StatusOr<Image<float>> heights =
-      is_image ? ReadHeightImage(path, context) : ReadHeightText(path, context);
-  if (!heights.ok()) return heights.status();
-  if (heights->columns_px < 2 || heights->rows_px < 2) {
-    return absl::InvalidArgumentError(absl::StrCat(context, ": ", path, " has ", heights->rows_px,
-                                                   " x ", heights->columns_px,
+  SIGHTLINE_ASSIGN_OR_RETURN(Image<float> heights, is_image ? ReadHeightImage(path, context)
+                                                            : ReadHeightText(path, context));
+  if (heights.columns_px < 2 || heights.rows_px < 2) {
+    return absl::InvalidArgumentError(absl::StrCat(context, ": ", path, " has ", heights.rows_px,
+                                                   " x ", heights.columns_px,
                                                    " heights, must have at least 2 x 2"));
   }
-  for (float& height : heights->values) {
+  for (float& height : heights.values) {
     height = static_cast<float>(height * height_unit_m);
   }
-  return HeightField(std::move(*heights), sample_pitch_m);
+  return HeightField(std::move(heights), sample_pitch_m);
 }
 
 }  // namespace sightline

@@ -3,6 +3,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/json/strict_json.h"
+#include "core/status/status_macros.h"
 #include "core/text/number_text.h"
 #include "render_worker/material/directional_albedo.h"
 #include "render_worker/material/models.h"
@@ -34,39 +35,29 @@ absl::StatusOr<std::shared_ptr<const HeightField>> ParseHeightField(
   if (message.file().empty()) {
     return absl::InvalidArgumentError(absl::StrCat(context, ".file is missing"));
   }
-  if (absl::Status status = CheckRange(pitch_field, message.has_sample_pitch_m(),
-                                       message.sample_pitch_m(), 1e-9, 0.1);
-      !status.ok()) {
-    return status;
-  }
+  SIGHTLINE_RETURN_IF_ERROR(
+      CheckRange(pitch_field, message.has_sample_pitch_m(), message.sample_pitch_m(), 1e-9, 0.1));
   const double unit = message.has_height_unit_m() ? message.height_unit_m() : 1e-6;
   if (!(unit > 0 && unit <= 1)) {
     return OutOfRange(absl::StrCat(context, ".height_unit_m"), unit, "in (0, 1]");
   }
   const double strength = message.has_normal_strength() ? message.normal_strength() : 1;
-  if (absl::Status status =
-          CheckRange(absl::StrCat(context, ".normal_strength"), true, strength, 0, 10);
-      !status.ok()) {
-    return status;
-  }
+  SIGHTLINE_RETURN_IF_ERROR(
+      CheckRange(absl::StrCat(context, ".normal_strength"), true, strength, 0, 10));
   for (const auto& [name, value] :
        {std::pair<std::string, double>{"albedo_contrast_relative",
                                        message.albedo_contrast_relative()},
         {"roughness_contrast_relative", message.roughness_contrast_relative()}}) {
-    if (absl::Status status = CheckRange(absl::StrCat(context, ".", name), true, value, -1, 1);
-        !status.ok()) {
-      return status;
-    }
+    SIGHTLINE_RETURN_IF_ERROR(CheckRange(absl::StrCat(context, ".", name), true, value, -1, 1));
   }
   common.normal_strength = static_cast<float>(strength);
   common.albedo_contrast = static_cast<float>(message.albedo_contrast_relative());
   common.roughness_contrast = static_cast<float>(message.roughness_contrast_relative());
-  const absl::StatusOr<std::string> path = assets(message.file());
-  if (!path.ok()) return path.status();
-  absl::StatusOr<HeightField> field =
-      ReadHeightField(*path, message.sample_pitch_m(), unit, absl::StrCat(context, ".file"));
-  if (!field.ok()) return field.status();
-  return std::make_shared<const HeightField>(std::move(*field));
+  SIGHTLINE_ASSIGN_OR_RETURN(const std::string path, assets(message.file()));
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      HeightField field,
+      ReadHeightField(path, message.sample_pitch_m(), unit, absl::StrCat(context, ".file")));
+  return std::make_shared<const HeightField>(std::move(field));
 }
 
 absl::StatusOr<RefractiveIndexTable> ParseRefractiveIndex(const v1::Material::Conductor& message,
@@ -82,12 +73,9 @@ absl::StatusOr<RefractiveIndexTable> ParseRefractiveIndex(const v1::Material::Co
   std::string where = absl::StrCat(context, ".refractive_index");
   if (has_file) {
     where = absl::StrCat(context, ".refractive_index_file");
-    const absl::StatusOr<std::string> path = assets(message.refractive_index_file());
-    if (!path.ok()) return path.status();
-    absl::StatusOr<RefractiveIndexTable> read = ReadRefractiveIndex(*path, where);
-    if (!read.ok()) return read.status();
-    table = std::move(*read);
-    where = absl::StrCat(where, ": ", *path, ", value ");
+    SIGHTLINE_ASSIGN_OR_RETURN(const std::string path, assets(message.refractive_index_file()));
+    SIGHTLINE_ASSIGN_OR_RETURN(table, ReadRefractiveIndex(path, where));
+    where = absl::StrCat(where, ": ", path, ", value ");
   } else {
     for (const auto& point : message.refractive_index()) {
       table.wavelength_m.push_back(point.wavelength_m());
@@ -125,18 +113,15 @@ absl::StatusOr<std::shared_ptr<const Material>> MakeMaterial(const v1::Material&
                                                              const std::string& context) {
   DetailedMaterial::Common common;
   const std::string spectrum_field = absl::StrCat(context, ".reflectance_spectrum");
-  absl::StatusOr<Spectrum> reflectance =
-      ParseReflectanceSpectrum(message.reflectance_spectrum(), spectrum_field);
-  if (!reflectance.ok()) return reflectance.status();
-  common.reflectance = *reflectance;
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      common.reflectance, ParseReflectanceSpectrum(message.reflectance_spectrum(), spectrum_field));
   common.reflectance_is_grey = message.reflectance_spectrum().empty();
   const float largest_reflectance =
       *std::max_element(common.reflectance.begin(), common.reflectance.end());
   if (message.has_height_field()) {
-    absl::StatusOr<std::shared_ptr<const HeightField>> field = ParseHeightField(
-        message.height_field(), assets, absl::StrCat(context, ".height_field"), common);
-    if (!field.ok()) return field.status();
-    common.height_field = std::move(*field);
+    SIGHTLINE_ASSIGN_OR_RETURN(common.height_field,
+                               ParseHeightField(message.height_field(), assets,
+                                                absl::StrCat(context, ".height_field"), common));
   }
   // The model's albedo times the spectrum at the laser's wavelength must stay below 1.
   const auto check_spectrum = [&](double albedo) {
@@ -208,9 +193,9 @@ absl::StatusOr<std::shared_ptr<const Material>> MakeMaterial(const v1::Material&
       if (direction.norm() > 0) {
         common.machining_direction = direction.normalized().cast<float>();
       }
-      absl::StatusOr<RefractiveIndexTable> index = ParseRefractiveIndex(model, assets, field);
-      if (!index.ok()) return index.status();
-      return MakeConductor(std::move(common), *index, static_cast<float>(model.ggx_alpha_x()),
+      SIGHTLINE_ASSIGN_OR_RETURN(RefractiveIndexTable index,
+                                 ParseRefractiveIndex(model, assets, field));
+      return MakeConductor(std::move(common), index, static_cast<float>(model.ggx_alpha_x()),
                            static_cast<float>(model.ggx_alpha_y()),
                            static_cast<float>(model.diffuse_albedo()), laser_wavelength_m);
     }
@@ -227,9 +212,8 @@ absl::StatusOr<std::shared_ptr<const Material>> MakeMaterial(const v1::Material&
           return OutOfRange(absl::StrCat(field, ".spot_diameter_m"), *spot_diameter_m, "in (0, 1]");
         }
       }
-      const absl::StatusOr<std::string> path = assets(model.file());
-      if (!path.ok()) return path.status();
-      return ReadMeasuredTable(std::move(common), *path, spot_diameter_m,
+      SIGHTLINE_ASSIGN_OR_RETURN(const std::string path, assets(model.file()));
+      return ReadMeasuredTable(std::move(common), path, spot_diameter_m,
                                absl::StrCat(field, ".file"));
     }
     case v1::Material::kMerl: {
@@ -237,9 +221,8 @@ absl::StatusOr<std::shared_ptr<const Material>> MakeMaterial(const v1::Material&
       if (message.merl().file().empty()) {
         return absl::InvalidArgumentError(absl::StrCat(field, " is missing"));
       }
-      const absl::StatusOr<std::string> path = assets(message.merl().file());
-      if (!path.ok()) return path.status();
-      return ReadMerl(std::move(common), *path, laser_wavelength_m, field);
+      SIGHTLINE_ASSIGN_OR_RETURN(const std::string path, assets(message.merl().file()));
+      return ReadMerl(std::move(common), path, laser_wavelength_m, field);
     }
   }
   return absl::InvalidArgumentError(absl::StrCat(context, " has an unknown model"));

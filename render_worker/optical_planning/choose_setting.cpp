@@ -11,6 +11,7 @@
 #include "absl/strings/str_format.h"
 #include "core/field_limits/field_checks.h"
 #include "core/rig/scheimpflug.h"
+#include "core/status/status_macros.h"
 #include "proto/status/rpc_status.h"
 #include "render_worker/render/part_view.h"
 #include "render_worker/sensor/expose.h"
@@ -183,7 +184,7 @@ class Chooser {
 
   absl::StatusOr<SettingChoice> Run() {
     for (const double f_number : group_.f_numbers) {
-      if (absl::Status status = TryFNumber(f_number); !status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(TryFNumber(f_number));
       judge_.EndStep();
     }
     bool any = false;
@@ -203,10 +204,10 @@ class Chooser {
                            "EXPOSURE_TOO_LONG");
     }
     choice_.focus = focus_of_[choice_.best];
-    if (absl::Status status = TryAlternatives(); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(TryAlternatives());
     judge_.EndStep();
     if (planning_.two_exposures) {
-      if (absl::Status status = TryPairs(); !status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(TryPairs());
     }
     judge_.EndStep();
     return std::move(choice_);
@@ -229,9 +230,8 @@ class Chooser {
 
   absl::StatusOr<std::vector<JudgedSetting>> Judge(const std::vector<double>& times_s,
                                                    double power_w) {
-    auto judged = judge_.Judge(times_s, power_w);
-    if (!judged.ok()) return judged.status();
-    for (JudgedSetting& setting : *judged) AddTimeCost(&setting);
+    SIGHTLINE_ASSIGN_OR_RETURN(auto judged, judge_.Judge(times_s, power_w));
+    for (JudgedSetting& setting : judged) AddTimeCost(&setting);
     return judged;
   }
 
@@ -253,10 +253,9 @@ class Chooser {
                        [&](std::span<const int> indices) -> absl::StatusOr<std::vector<double>> {
                          std::vector<double> times;
                          for (const int index : indices) times.push_back(grid.At(index));
-                         auto judged = Judge(times, power_w);
-                         if (!judged.ok()) return judged.status();
+                         SIGHTLINE_ASSIGN_OR_RETURN(auto judged, Judge(times, power_w));
                          std::vector<double> costs;
-                         for (JudgedSetting& setting : *judged) {
+                         for (JudgedSetting& setting : judged) {
                            costs.push_back(setting.cost());
                            here.exposures.push_back(std::move(setting));
                          }
@@ -282,9 +281,8 @@ class Chooser {
                    kGlanceExposures, 3 * kGlanceExposures);
     std::vector<double> times;
     for (int i = 0; i < count; ++i) times.push_back(shortest * std::pow(ratio, (i + 0.5) / count));
-    auto judged = Judge(times, power_w);
-    if (!judged.ok()) return judged.status();
-    return *std::min_element(judged->begin(), judged->end(), Better);
+    SIGHTLINE_ASSIGN_OR_RETURN(auto judged, Judge(times, power_w));
+    return *std::min_element(judged.begin(), judged.end(), Better);
   }
 
   bool Tilted(const LensSetting& lens) const {
@@ -332,19 +330,18 @@ class Chooser {
 
     // One lens setting needs no coarse evaluation.
     if (lenses.size() == 1) {
-      if (absl::Status s = judge_.LookThrough(lenses[0]); !s.ok()) return s;
+      SIGHTLINE_RETURN_IF_ERROR(judge_.LookThrough(lenses[0]));
       return SearchPowers(*grid, lenses[0], powers);
     }
     std::vector<std::pair<LensSetting, JudgedSetting>> seen;
     const auto look = [&](const LensSetting& lens) -> absl::Status {
-      if (absl::Status s = judge_.LookThrough(lens); !s.ok()) return s;
-      auto judged = Glance(*grid, powers.back());
-      if (!judged.ok()) return judged.status();
-      seen.emplace_back(lens, *judged);
+      SIGHTLINE_RETURN_IF_ERROR(judge_.LookThrough(lens));
+      SIGHTLINE_ASSIGN_OR_RETURN(auto judged, Glance(*grid, powers.back()));
+      seen.emplace_back(lens, judged);
       return absl::OkStatus();
     };
     for (const LensSetting& lens : lenses) {
-      if (absl::Status s = look(lens); !s.ok()) return s;
+      SIGHTLINE_RETURN_IF_ERROR(look(lens));
     }
     if (planning_.focus_distance_m && planning_.focus_distance_m->is_range()) {
       for (int round = 0; round < kFocusRounds; ++round) {
@@ -366,7 +363,7 @@ class Chooser {
           between.push_back(middle(best->first, std::next(best)->first));
         }
         for (const double distance : between) {
-          if (absl::Status s = look(Untilted(f_number, distance)); !s.ok()) return s;
+          SIGHTLINE_RETURN_IF_ERROR(look(Untilted(f_number, distance)));
         }
       }
     }
@@ -378,7 +375,7 @@ class Chooser {
     std::sort(focus_of_.back().begin(), focus_of_.back().end(), [](const auto& a, const auto& b) {
       return a.setting.lens.focus_distance_m < b.setting.lens.focus_distance_m;
     });
-    if (absl::Status s = judge_.LookThrough(seen[best].first); !s.ok()) return s;
+    SIGHTLINE_RETURN_IF_ERROR(judge_.LookThrough(seen[best].first));
     return SearchPowers(*grid, seen[best].first, powers);
   }
 
@@ -388,17 +385,15 @@ class Chooser {
     if (powers.size() > 1) {
       std::optional<JudgedSetting> best;
       for (const double power : powers) {
-        auto judged = Glance(grid, power);
-        if (!judged.ok()) return judged.status();
-        if (!best || Better(*judged, *best)) {
-          best = *judged;
+        SIGHTLINE_ASSIGN_OR_RETURN(auto judged, Glance(grid, power));
+        if (!best || Better(judged, *best)) {
+          best = judged;
           best_power = power;
         }
       }
     }
-    auto here = Search(grid, lens.f_number, best_power);
-    if (!here.ok()) return here.status();
-    choice_.curve.push_back(*std::move(here));
+    SIGHTLINE_ASSIGN_OR_RETURN(auto here, Search(grid, lens.f_number, best_power));
+    choice_.curve.push_back(std::move(here));
     return absl::OkStatus();
   }
 
@@ -410,10 +405,10 @@ class Chooser {
     const auto search = [&](const char* name, const LensSetting& other) -> absl::Status {
       std::string refused;
       const std::optional<ExposureGrid> grid = GridAt(other.f_number, &refused);
-      if (absl::Status s = judge_.LookThrough(other); !s.ok()) return s;
-      auto here = Search(*grid, other.f_number, best.setting.laser_power_w);
-      if (!here.ok()) return here.status();
-      choice_.alternatives.push_back({name, here->exposures[here->best]});
+      SIGHTLINE_RETURN_IF_ERROR(judge_.LookThrough(other));
+      SIGHTLINE_ASSIGN_OR_RETURN(auto here,
+                                 Search(*grid, other.f_number, best.setting.laser_power_w));
+      choice_.alternatives.push_back({name, here.exposures[here.best]});
       return absl::OkStatus();
     };
     constexpr char kTilted[] = "sensor tilted to the laser sheet", kFlat[] = "sensor not tilted";
@@ -422,7 +417,7 @@ class Chooser {
       const std::vector<JudgedSetting>& flat = choice_.focus;
       const LensSetting other =
           Tilted(lens) ? std::min_element(flat.begin(), flat.end(), Better)->setting.lens : *tilted;
-      if (absl::Status s = search(Tilted(lens) ? kFlat : kTilted, other); !s.ok()) return s;
+      SIGHTLINE_RETURN_IF_ERROR(search(Tilted(lens) ? kFlat : kTilted, other));
     }
     if (planning_.focus_distance_m && lens.focus_distance_m != group_.stated_focus_m) {
       return search("focus as the inspection has it",
@@ -458,11 +453,10 @@ class Chooser {
       }
     }
     if (pairs.empty()) return absl::OkStatus();
-    if (absl::Status s = judge_.LookThrough(single.setting.lens); !s.ok()) return s;
-    auto judged = judge_.JudgePairs(pairs, single.setting.laser_power_w);
-    if (!judged.ok()) return judged.status();
-    for (JudgedSetting& setting : *judged) AddTimeCost(&setting);
-    const auto best = std::min_element(judged->begin(), judged->end(), Better);
+    SIGHTLINE_RETURN_IF_ERROR(judge_.LookThrough(single.setting.lens));
+    SIGHTLINE_ASSIGN_OR_RETURN(auto judged, judge_.JudgePairs(pairs, single.setting.laser_power_w));
+    for (JudgedSetting& setting : judged) AddTimeCost(&setting);
+    const auto best = std::min_element(judged.begin(), judged.end(), Better);
     choice_.alternatives.push_back({"two exposures", *best});
     if (Better(*best, single) && !AsGoodAs(single, *best)) choice_.pair = *best;
     return absl::OkStatus();

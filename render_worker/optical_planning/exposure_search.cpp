@@ -7,6 +7,8 @@
 #include <limits>
 #include <map>
 
+#include "core/status/status_macros.h"
+
 namespace sightline {
 namespace {
 
@@ -55,9 +57,8 @@ absl::StatusOr<int> SearchExposure(const ExposureGrid& grid, bool every,
     std::sort(indices.begin(), indices.end());
     indices.erase(std::unique(indices.begin(), indices.end()), indices.end());
     if (indices.empty()) return absl::OkStatus();
-    auto answers = costs(indices);
-    if (!answers.ok()) return answers.status();
-    for (size_t i = 0; i < indices.size(); ++i) known[indices[i]] = (*answers)[i];
+    SIGHTLINE_ASSIGN_OR_RETURN(auto answers, costs(indices));
+    for (size_t i = 0; i < indices.size(); ++i) known[indices[i]] = answers[i];
     return absl::OkStatus();
   };
   std::vector<int> first;
@@ -75,7 +76,7 @@ absl::StatusOr<int> SearchExposure(const ExposureGrid& grid, bool every,
     }
     first.push_back(0);
   }
-  if (absl::Status status = ask(first); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(ask(first));
   const auto best = [&] {
     return std::min_element(known.begin(), known.end(),
                             [](const auto& a, const auto& b) { return a.second < b.second; });
@@ -92,7 +93,7 @@ absl::StatusOr<int> SearchExposure(const ExposureGrid& grid, bool every,
     if (at != known.begin()) halve(std::prev(at)->first, at->first);
     if (std::next(at) != known.end()) halve(at->first, std::next(at)->first);
     if (between.empty()) break;
-    if (absl::Status status = ask(between); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(ask(between));
   }
   return best()->first;
 }

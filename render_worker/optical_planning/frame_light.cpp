@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/status/status_macros.h"
 #include "proto/status/rpc_status.h"
 #include "render_worker/light_transport/camera_rays.h"
 #include "render_worker/plate/line_width.h"
@@ -171,9 +172,8 @@ absl::StatusOr<PinholeFrame> MakePinholeFrame(PartScene& scene, const PartFrameR
       WithGeometryErrors(scene.inspection().rig, request.measurement, nominal, pinhole.frame);
   pinhole.view = MakeView(scene, truth, pinhole.frame, request.stage_position_m);
   pinhole.view.pupil_radius_m = 0;
-  auto transport = scene.TransportAt(truth.measurement, request.stage_position_m);
-  if (!transport.ok()) return transport.status();
-  pinhole.transport = *std::move(transport);
+  SIGHTLINE_ASSIGN_OR_RETURN(pinhole.transport,
+                             scene.TransportAt(truth.measurement, request.stage_position_m));
   return pinhole;
 }
 
@@ -219,10 +219,9 @@ absl::StatusOr<FrameLight> TraceFrameLight(PartScene& scene, const PartFrameRequ
                                            std::span<const ActiveEffect> effects,
                                            const FrameLightOptions& options) {
   const Inspection& inspection = scene.inspection();
-  auto pinhole = MakePinholeFrame(scene, request, effects, options.roi);
-  if (!pinhole.ok()) return pinhole.status();
-  const FrameSetup& frame = pinhole->frame;
-  const SceneView& view = pinhole->view;
+  SIGHTLINE_ASSIGN_OR_RETURN(auto pinhole, MakePinholeFrame(scene, request, effects, options.roi));
+  const FrameSetup& frame = pinhole.frame;
+  const SceneView& view = pinhole.view;
 
   FrameLight light;
   light.request = request;
@@ -248,12 +247,9 @@ absl::StatusOr<FrameLight> TraceFrameLight(PartScene& scene, const PartFrameRequ
   light.incoherent_grid.sub_pixels = 1;
   light.incoherent_grid.margin_px = std::min(options.margin_px, kMostIncoherentMargin_px);
   const int channels = scene.has_incoherent_light() ? frame.sensor.channels() : 0;
-  if (absl::Status status =
-          CheckFrameBytes(FrameBytes(light.grid, light.incoherent_grid, channels),
-                          options.limits.max_image_bytes, frame, light.grid.sub_pixels, "image");
-      !status.ok()) {
-    return status;
-  }
+  SIGHTLINE_RETURN_IF_ERROR(CheckFrameBytes(FrameBytes(light.grid, light.incoherent_grid, channels),
+                                            options.limits.max_image_bytes, frame,
+                                            light.grid.sub_pixels, "image"));
 
   TransportSettings settings =
       TransportSettingsOf(inspection.render, frame, options.limits.threads);
@@ -264,9 +260,9 @@ absl::StatusOr<FrameLight> TraceFrameLight(PartScene& scene, const PartFrameRequ
   if (options.limits.progress) {
     progress.report = [&](double fraction) { options.limits.progress(laser_share * fraction); };
   }
-  auto laser = pinhole->transport->TraceLaser(view, light.grid, settings, progress);
-  if (!laser.ok()) return laser.status();
-  light.line = FindTrueLine(view, light.grid, *laser);
+  SIGHTLINE_ASSIGN_OR_RETURN(auto laser,
+                             pinhole.transport->TraceLaser(view, light.grid, settings, progress));
+  light.line = FindTrueLine(view, light.grid, laser);
   if (light.line.empty()) {
     return WithErrorInfo(absl::FailedPreconditionError(absl::StrCat(
                              "the laser lights nothing that the camera sees with the stage at ",
@@ -280,16 +276,16 @@ absl::StatusOr<FrameLight> TraceFrameLight(PartScene& scene, const PartFrameRequ
                        light.grid.sub_pixels / 2;
     const int row = std::clamp(static_cast<int>(std::lround(GridRow(light.grid, crossing.row_px))),
                                0, light.grid.rows() - 1);
-    depths.push_back(laser->depth_m.At(row, column));
-    light.line_views.push_back(ViewAt(rays, light.grid, laser->depth_m, row, column));
-    radiances.push_back(PixelMean(laser->radiance_w_m2_sr, row, column, light.grid.sub_pixels));
+    depths.push_back(laser.depth_m.At(row, column));
+    light.line_views.push_back(ViewAt(rays, light.grid, laser.depth_m, row, column));
+    radiances.push_back(PixelMean(laser.radiance_w_m2_sr, row, column, light.grid.sub_pixels));
   }
   light.median_line_depth_m = Quantile(depths, 0.5);
   light.median_line_radiance_w_m2_sr = Quantile(radiances, 0.5);
   light.dim_line_radiance_w_m2_sr = Quantile(radiances, 0.1);
   light.bright_line_radiance_w_m2_sr = Quantile(radiances, 0.9);
-  light.laser_radiance_w_m2_sr = std::move(laser->radiance_w_m2_sr);
-  light.depth_m = std::move(laser->depth_m);
+  light.laser_radiance_w_m2_sr = std::move(laser.radiance_w_m2_sr);
+  light.depth_m = std::move(laser.depth_m);
   FillDepths(light.median_line_depth_m, &light.depth_m);
 
   if (!scene.has_incoherent_light()) return light;
@@ -306,10 +302,10 @@ absl::StatusOr<FrameLight> TraceFrameLight(PartScene& scene, const PartFrameRequ
       options.limits.progress(laser_share + (1 - laser_share) * fraction);
     };
   }
-  auto other =
-      pinhole->transport->TraceIncoherent(view, light.incoherent_grid, weights, settings, progress);
-  if (!other.ok()) return other.status();
-  light.channel_radiance = std::move(other->channel_radiance);
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      auto other,
+      pinhole.transport->TraceIncoherent(view, light.incoherent_grid, weights, settings, progress));
+  light.channel_radiance = std::move(other.channel_radiance);
   return light;
 }
 
@@ -317,9 +313,8 @@ absl::StatusOr<FrameGlance> GlanceAtFrame(PartScene& scene, const PartFrameReque
                                           std::span<const ActiveEffect> effects, int margin_px,
                                           const RenderLimits& limits) {
   constexpr int kStep = 8;
-  auto pinhole = MakePinholeFrame(scene, request, effects, std::nullopt);
-  if (!pinhole.ok()) return pinhole.status();
-  const FrameSetup& frame = pinhole->frame;
+  SIGHTLINE_ASSIGN_OR_RETURN(auto pinhole, MakePinholeFrame(scene, request, effects, std::nullopt));
+  const FrameSetup& frame = pinhole.frame;
   const SubPixelGrid coarse = CoarseGrid(frame, kStep);
   TransportSettings settings;
   settings.max_bounces = 0;
@@ -327,10 +322,10 @@ absl::StatusOr<FrameGlance> GlanceAtFrame(PartScene& scene, const PartFrameReque
   settings.threads = limits.threads;
   TransportProgress progress;
   progress.cancelled = limits.cancelled;
-  auto laser = pinhole->transport->TraceLaser(pinhole->view, coarse, settings, progress);
-  if (!laser.ok()) return laser.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      auto laser, pinhole.transport->TraceLaser(pinhole.view, coarse, settings, progress));
   float brightest = 0;
-  for (const float radiance : laser->radiance_w_m2_sr.values) {
+  for (const float radiance : laser.radiance_w_m2_sr.values) {
     brightest = std::max(brightest, radiance);
   }
   FrameGlance glance;
@@ -340,11 +335,11 @@ absl::StatusOr<FrameGlance> GlanceAtFrame(PartScene& scene, const PartFrameReque
   int first_row = coarse.rows(), last_row = -1;
   for (int row = 0; row < coarse.rows(); ++row) {
     for (int column = 0; column < coarse.columns(); ++column) {
-      const float radiance = laser->radiance_w_m2_sr.At(row, column);
+      const float radiance = laser.radiance_w_m2_sr.At(row, column);
       // Flanks of the beam are not the line.
       if (!(radiance > 1e-4F * brightest)) continue;
       logs.push_back(std::log(double{radiance}));
-      depths.push_back(laser->depth_m.At(row, column));
+      depths.push_back(laser.depth_m.At(row, column));
       first_row = std::min(first_row, row);
       last_row = std::max(last_row, row);
     }

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "absl/status/status.h"
+#include "core/status/status_macros.h"
 #include "render_worker/optics/circle_of_confusion.h"
 #include "render_worker/optics/incoherent_imaging.h"
 #include "render_worker/optics/laser_imaging.h"
@@ -134,11 +135,8 @@ class LensImage {
       SubPixelGrid strip = whole;
       strip.roi.column_px += first;
       strip.roi.columns_px = std::min(columns, whole.roi.columns_px - first);
-      if (absl::Status status = CheckFrameBytes(FrameBytes(strip, {}, 0), limits_.max_image_bytes,
-                                                frame_, strip.sub_pixels, "image");
-          !status.ok()) {
-        return status;
-      }
+      SIGHTLINE_RETURN_IF_ERROR(CheckFrameBytes(FrameBytes(strip, {}, 0), limits_.max_image_bytes,
+                                                frame_, strip.sub_pixels, "image"));
       AddLaser(strip, first, &ideal);
       for (size_t r = 0; r < seeds.size(); ++r) {
         if (Cancelled()) return absl::CancelledError("cancelled");
@@ -161,12 +159,9 @@ class LensImage {
     IdealImage ideal = Incoherent();
     const SubPixelGrid grid = LaserGrid();
     const int channels = static_cast<int>(light_.channel_radiance.size());
-    if (absl::Status status =
-            CheckFrameBytes(FrameBytes(grid, light_.incoherent_grid, channels),
-                            limits_.max_image_bytes, frame_, grid.sub_pixels, "image");
-        !status.ok()) {
-      return status;
-    }
+    SIGHTLINE_RETURN_IF_ERROR(CheckFrameBytes(FrameBytes(grid, light_.incoherent_grid, channels),
+                                              limits_.max_image_bytes, frame_, grid.sub_pixels,
+                                              "image"));
     AddLaser(grid, 0, &ideal);
     for (const ActiveEffect& active : effects_) {
       active.effect->OnIdealImage(ideal, frame_, active.parameters);
@@ -176,12 +171,12 @@ class LensImage {
     for (const uint64_t seed : seeds) {
       if (Cancelled()) return absl::CancelledError("cancelled");
       Report(static_cast<double>(images.size()) / static_cast<double>(seeds.size()));
-      auto formed = FormLight(ideal, frame_, effects_, Speckle(seed), limits_.threads);
-      if (!formed.ok()) return formed.status();
+      SIGHTLINE_ASSIGN_OR_RETURN(
+          auto formed, FormLight(ideal, frame_, effects_, Speckle(seed), limits_.threads));
       for (size_t i = 0; i < dim.values.size(); ++i) {
-        formed->laser_irradiance_w_m2.values[i] += dim.values[i];
+        formed.laser_irradiance_w_m2.values[i] += dim.values[i];
       }
-      images.push_back(*std::move(formed));
+      images.push_back(std::move(formed));
     }
     return images;
   }

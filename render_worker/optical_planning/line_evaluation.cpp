@@ -8,6 +8,7 @@
 
 #include "core/laser_line/merge_exposures.h"
 #include "core/laser_line/ridge_score.h"
+#include "core/status/status_macros.h"
 #include "render_worker/plate/line_width.h"
 #include "render_worker/sensor/expose.h"
 
@@ -55,14 +56,14 @@ DetectionPlan PlanDetection(const FrameSetup& frame, const LineDetector& detecto
 absl::StatusOr<DetectedLine> DetectLine(const Image<uint16_t>& raw_dn, const DetectionPlan& plan) {
   DetectedLine detected;
   for (const PixelPlane& plane : plan.planes) {
-    auto points = DetectLaserLine(PlaneValues(raw_dn, plane), plan.options, plan.method);
-    if (!points.ok()) return points.status();
-    for (LinePoint& point : *points) {
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        auto points, DetectLaserLine(PlaneValues(raw_dn, plane), plan.options, plan.method));
+    for (LinePoint& point : points) {
       point.column_px = plane.first_column + plane.step * point.column_px;
       point.row_px = plane.first_row + plane.step * point.row_px;
       point.width_px *= plane.step;
     }
-    detected.planes.push_back(*std::move(points));
+    detected.planes.push_back(std::move(points));
   }
   return detected;
 }

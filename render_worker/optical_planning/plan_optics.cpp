@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "core/status/status_macros.h"
 #include "proto/status/rpc_status.h"
 #include "render_worker/image_file/grey_png.h"
 #include "render_worker/optical_planning/choose_setting.h"
@@ -92,12 +93,12 @@ class OpticsPlanner {
 
   absl::StatusOr<v1::OpticsPlan> Run() {
     const FrameSetup nominal = PartFrameSetup(inspection_, task_.frames[0].request);
-    if (absl::Status s = CheckEffectsActOnParts(nominal, effects_); !s.ok()) return s;
+    SIGHTLINE_RETURN_IF_ERROR(CheckEffectsActOnParts(nominal, effects_));
     v1::OpticsPlan plan;
     plan.set_inspection_name(inspection_.name);
     plan.set_seed(static_cast<int64_t>(task_.seed));
     for (const std::string& warning : ScaleWarnings(scene_, nominal)) plan.add_warnings(warning);
-    if (absl::Status s = LookAtScans(&plan); !s.ok()) return s;
+    SIGHTLINE_RETURN_IF_ERROR(LookAtScans(&plan));
 
     std::vector<FrameGroup> groups;
     if (scans_.size() > 1) groups.push_back(GroupOf(All(), FramesPerScanTogether()));
@@ -169,10 +170,8 @@ class OpticsPlanner {
             "looking at the frames");
         SeenFrame seen;
         seen.frame = frames[static_cast<size_t>((i + 0.5) * scan.frames / glances)];
-        auto glance =
-            GlanceAtFrame(scene_, seen.frame->request, effects_, kRoiMargin_px, hooks_.limits);
-        if (!glance.ok()) return glance.status();
-        seen.glance = *glance;
+        SIGHTLINE_ASSIGN_OR_RETURN(seen.glance, GlanceAtFrame(scene_, seen.frame->request, effects_,
+                                                              kRoiMargin_px, hooks_.limits));
         scan.lit_samples += seen.glance.lit_samples;
         scan.seen.push_back(seen);
       }
@@ -360,35 +359,34 @@ class OpticsPlanner {
   }
 
   absl::StatusOr<v1::OpticsChoice> Choose(FrameGroup& group, v1::OpticsPlan* plan) {
-    auto traced = Trace(group, 0, kShareOfTracing);
-    if (!traced.ok()) return traced.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(auto traced, Trace(group, 0, kShareOfTracing));
     group.setting.image_speed_px_per_m = ImageSpeed_px_per_m(group);
-    group.setting.stated_focus_m = StatedFocus_m(group, *traced);
+    group.setting.stated_focus_m = StatedFocus_m(group, traced);
     group.setting.f_numbers = FNumbers(*plan);
-    const double height_per_px = MeanHeightPerPixel(group, *traced);
-    SettingJudge judge(inspection_, effects_, *std::move(traced), task_.seed, hooks_.limits);
+    const double height_per_px = MeanHeightPerPixel(group, traced);
+    SettingJudge judge(inspection_, effects_, std::move(traced), task_.seed, hooks_.limits);
     const ExposureLimit limit = LimitExposure(inspection_.stated_costs, inspection_.rig.scan_step_m,
                                               planning_, group.setting.image_speed_px_per_m);
     const ExposureGrid grid = MakeExposureGrid(judge, inspection_, limit);
     const std::string name =
         group.scan == 0 ? "one setting for all scans" : absl::StrCat("scan ", group.scan);
-    auto choice = ChooseSetting(judge, inspection_, group.setting, grid, [&](double fraction) {
-      Say(done_ + share_ * (kShareOfTracing + kShareOfChoice * fraction), name);
-    });
-    if (!choice.ok()) return choice.status();
-    v1::OpticsChoice answer = ChoiceToProto(*choice, inspection_, group.setting, height_per_px);
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        auto choice, ChooseSetting(judge, inspection_, group.setting, grid, [&](double fraction) {
+          Say(done_ + share_ * (kShareOfTracing + kShareOfChoice * fraction), name);
+        }));
+    v1::OpticsChoice answer = ChoiceToProto(choice, inspection_, group.setting, height_per_px);
     answer.set_scan(group.scan);
     answer.set_represented_fraction(group.represented_fraction);
     judge.ReportTo([&](double fraction) {
       Say(done_ + share_ * (kShareOfTracing + kShareOfChoice + kShareOfFrames * fraction), name);
     });
-    if (absl::Status s = AddFrames(group, judge, choice->chosen(), &answer); !s.ok()) return s;
+    SIGHTLINE_RETURN_IF_ERROR(AddFrames(group, judge, choice.chosen(), &answer));
     judge.ReportTo({});
-    if (absl::Status s = AddDetection(judge, choice->chosen(), &answer); !s.ok()) return s;
-    if (absl::Status s = AddCheck(group, choice->chosen(), &answer); !s.ok()) return s;
+    SIGHTLINE_RETURN_IF_ERROR(AddDetection(judge, choice.chosen(), &answer));
+    SIGHTLINE_RETURN_IF_ERROR(AddCheck(group, choice.chosen(), &answer));
     evaluated_images_ += judge.judged_images();
     if (group.represented_fraction < kPoorlyRepresented) poorly_represented_.push_back(name);
-    for (const FNumberChoice& here : choice->curve) {
+    for (const FNumberChoice& here : choice.curve) {
       if (here.refused.empty()) continue;
       plan->add_warnings(
           absl::StrFormat("%s: f/%.3g is left out: %s", name, here.f_number, here.refused));
@@ -399,7 +397,7 @@ class OpticsPlanner {
   // The group's frames with the setting chosen, with a picture of each.
   absl::Status AddFrames(const FrameGroup& group, SettingJudge& judge, const JudgedSetting& best,
                          v1::OpticsChoice* answer) {
-    if (absl::Status s = judge.LookThrough(best.setting.lens); !s.ok()) return s;
+    SIGHTLINE_RETURN_IF_ERROR(judge.LookThrough(best.setting.lens));
     const LineCost cost{planning_.prior_uncertainty_px, planning_.false_line_weight,
                         planning_.max_clipped_fraction};
     for (size_t f = 0; f < group.frames.size(); ++f) {
@@ -415,10 +413,10 @@ class OpticsPlanner {
       entry->set_line_points(static_cast<int64_t>(light.line.size()));
       entry->set_u_px(quality.u_px);
       entry->set_profile_coverage(quality.profile_coverage);
-      auto picture =
-          Picture(ReadOut(judge.light(f), setup, effects_, nullptr).raw_dn, setup, light);
-      if (!picture.ok()) return picture.status();
-      entry->set_picture_png(*std::move(picture));
+      SIGHTLINE_ASSIGN_OR_RETURN(
+          auto picture,
+          Picture(ReadOut(judge.light(f), setup, effects_, nullptr).raw_dn, setup, light));
+      entry->set_picture_png(std::move(picture));
     }
     return absl::OkStatus();
   }
@@ -427,12 +425,11 @@ class OpticsPlanner {
   // chosen lens.
   static absl::Status AddDetection(SettingJudge& judge, const JudgedSetting& best,
                                    v1::OpticsChoice* answer) {
-    const auto blocks = judge.DetectedBlocks(best.setting);
-    if (!blocks.ok()) return blocks.status();
-    const std::optional<DetectionNoise> noise = LearnDetectionNoise(*blocks);
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto blocks, judge.DetectedBlocks(best.setting));
+    const std::optional<DetectionNoise> noise = LearnDetectionNoise(blocks);
     if (!noise) return absl::OkStatus();
     *answer->mutable_detection() =
-        DetectionToProto(*noise, *blocks, static_cast<int>(judge.frames().size()));
+        DetectionToProto(*noise, blocks, static_cast<int>(judge.frames().size()));
     return absl::OkStatus();
   }
 
@@ -449,13 +446,13 @@ class OpticsPlanner {
     if (ErrorReason(traced.status()) == kNoLine) return absl::OkStatus();
     if (!traced.ok()) return traced.status();
     SettingJudge judge(inspection_, effects_, *std::move(traced), task_.seed, hooks_.limits);
-    if (absl::Status s = judge.LookThrough(best.setting.lens); !s.ok()) return s;
+    SIGHTLINE_RETURN_IF_ERROR(judge.LookThrough(best.setting.lens));
     const std::vector<std::pair<double, double>> exposures = {
         {best.setting.exposure_time_s, best.setting.second_exposure_time_s}};
-    auto judged = judge.JudgePairs(exposures, best.setting.laser_power_w);
-    if (!judged.ok()) return judged.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(auto judged,
+                               judge.JudgePairs(exposures, best.setting.laser_power_w));
     v1::OpticsChoice alone;
-    if (absl::Status s = AddFrames(one, judge, judged->front(), &alone); !s.ok()) return s;
+    SIGHTLINE_RETURN_IF_ERROR(AddFrames(one, judge, judged.front(), &alone));
     *answer->mutable_check() = alone.frames(0);
     evaluated_images_ += judge.judged_images();
     return absl::OkStatus();

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "core/random/counter_random.h"
+#include "core/status/status_macros.h"
 #include "render_worker/optical_planning/lens_image.h"
 #include "render_worker/optics/parallel_rows.h"
 
@@ -76,10 +77,10 @@ absl::Status SettingJudge::LookThrough(const LensSetting& lens) {
         limits_.progress((static_cast<double>(f) + fraction) / static_cast<double>(frames_.size()));
       };
     }
-    auto images = ImageThroughLens(*frames_[f].light, setup, effects_, seeds, limits);
-    if (!images.ok()) return images.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(auto images,
+                               ImageThroughLens(*frames_[f].light, setup, effects_, seeds, limits));
     images_.push_back(
-        std::make_unique<Images>(Images{inspection_.rig.laser.power_w, *std::move(images)}));
+        std::make_unique<Images>(Images{inspection_.rig.laser.power_w, std::move(images)}));
   }
   return absl::OkStatus();
 }
@@ -205,12 +206,11 @@ absl::StatusOr<SettingJudge::BlockSums> SettingJudge::CountPairs(
 
 absl::StatusOr<std::vector<JudgedSetting>> SettingJudge::JudgePairs(
     std::span<const std::pair<double, double>> long_and_short_s, double laser_power_w) {
-  const auto sums = CountPairs(long_and_short_s, laser_power_w);
-  if (!sums.ok()) return sums.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto sums, CountPairs(long_and_short_s, laser_power_w));
   std::vector<JudgedSetting> judged;
   for (size_t pair = 0; pair < long_and_short_s.size(); ++pair) {
     const auto& [long_s, short_s] = long_and_short_s[pair];
-    judged.push_back(Summarise({lens_, long_s, short_s, laser_power_w}, (*sums)[pair]));
+    judged.push_back(Summarise({lens_, long_s, short_s, laser_power_w}, sums[pair]));
   }
   return judged;
 }
@@ -219,8 +219,7 @@ absl::StatusOr<std::vector<DetectedBlock>> SettingJudge::DetectedBlocks(
     const OpticalSetting& setting) {
   const std::vector<std::pair<double, double>> exposures = {
       {setting.exposure_time_s, setting.second_exposure_time_s}};
-  const auto sums = CountPairs(exposures, setting.laser_power_w);
-  if (!sums.ok()) return sums.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto sums, CountPairs(exposures, setting.laser_power_w));
   std::vector<DetectedBlock> detected;
   for (size_t f = 0; f < frames_.size(); ++f) {
     const FrameLight& light = *frames_[f].light;
@@ -235,7 +234,7 @@ absl::StatusOr<std::vector<DetectedBlock>> SettingJudge::DetectedBlocks(
       }
       block.distance_m /= static_cast<double>(blocks[b].size());
       block.incidence_rad /= static_cast<double>(blocks[b].size());
-      for (const std::vector<LineSums>& realisation : (*sums)[0][f]) {
+      for (const std::vector<LineSums>& realisation : sums[0][f]) {
         block.crossings += realisation[b].crossings;
         block.found += realisation[b].found;
         block.deviation_px += realisation[b].deviation_px;

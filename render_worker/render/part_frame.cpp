@@ -11,6 +11,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/random/counter_random.h"
+#include "core/status/status_macros.h"
 #include "render_worker/render/memory_estimate.h"
 #include "render_worker/render/part_view.h"
 
@@ -71,11 +72,11 @@ absl::StatusOr<DepthRange> VisibleDepths(const LightTransport& transport, const 
   TransportSettings direct = settings;
   direct.max_bounces = 0;
   direct.laser_interreflection = false;
-  auto seen = transport.TraceLaser(view, coarse, direct, Share(limits, 0, 0));
-  if (!seen.ok()) return seen.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto seen,
+                             transport.TraceLaser(view, coarse, direct, Share(limits, 0, 0)));
   DepthRange range{view.focus_distance_m, view.focus_distance_m};
   bool any = false;
-  for (const float depth : seen->depth_m.values) {
+  for (const float depth : seen.depth_m.values) {
     if (depth <= 0) continue;
     range.nearest_m = any ? std::min<double>(range.nearest_m, depth) : depth;
     range.farthest_m = any ? std::max<double>(range.farthest_m, depth) : depth;
@@ -220,7 +221,7 @@ absl::StatusOr<RenderedPartFrame> RenderPartFrame(PartScene& scene, const PartFr
                                                   bool layers, const RenderLimits& limits) {
   const Inspection& inspection = scene.inspection();
   const FrameSetup nominal = PartFrameSetup(inspection, request);
-  if (absl::Status status = CheckEffectsActOnParts(nominal, effects); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(CheckEffectsActOnParts(nominal, effects));
   const FrameSetup frame = ApplyFrameEffects(nominal, effects);
   const TrueGeometry truth =
       WithGeometryErrors(inspection.rig, request.measurement, nominal, frame);
@@ -241,21 +242,18 @@ absl::StatusOr<RenderedPartFrame> RenderPartFrame(PartScene& scene, const PartFr
       std::clamp(static_cast<int>(std::ceil(motion_m.norm() / (kSpeckleStep * speckle_size_m))), 1,
                  kMaxSpeckleMoments);
 
-  auto middle = scene.TransportAt(truth.measurement, request.stage_position_m);
-  if (!middle.ok()) return middle.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto middle,
+                             scene.TransportAt(truth.measurement, request.stage_position_m));
   const SceneView middle_view = MakeView(scene, truth, frame, request.stage_position_m);
-  auto depths = VisibleDepths(**middle, middle_view, frame, settings, limits);
-  if (!depths.ok()) return depths.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto depths,
+                             VisibleDepths(*middle, middle_view, frame, settings, limits));
   const SubPixelGrid grid =
-      MakeSubPixelGrid(frame, optics, LargestCurvature(optics, frame, *depths), kLostEnergy);
+      MakeSubPixelGrid(frame, optics, LargestCurvature(optics, frame, depths), kLostEnergy);
   const SubPixelGrid incoherent_grid = IncoherentGrid(frame);
   const int channels = scene.has_incoherent_light() ? frame.sensor.channels() : 0;
-  if (absl::Status status =
-          CheckFrameBytes(FrameBytes(grid, incoherent_grid, channels), limits.max_image_bytes,
-                          frame, grid.sub_pixels, "image");
-      !status.ok()) {
-    return status;
-  }
+  SIGHTLINE_RETURN_IF_ERROR(CheckFrameBytes(FrameBytes(grid, incoherent_grid, channels),
+                                            limits.max_image_bytes, frame, grid.sub_pixels,
+                                            "image"));
 
   // Light transport; the exposure is the mean of its moments.
   IdealImage ideal;
@@ -281,40 +279,38 @@ absl::StatusOr<RenderedPartFrame> RenderPartFrame(PartScene& scene, const PartFr
   const double laser_share = channels > 0 ? 0.3 : 0.7, light_share = channels > 0 ? 0.4 : 0.0;
   for (int m = 0; m < light_moments; ++m) {
     const double stage_m = request.stage_position_m + moments[m] * travel_m;
-    auto transport = scene.TransportAt(truth.measurement, stage_m);
-    if (!transport.ok()) return transport.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(auto transport, scene.TransportAt(truth.measurement, stage_m));
     const SceneView view = MakeView(scene, truth, frame, stage_m);
     const double begin = (laser_share + light_share) * m / light_moments;
     const double after_laser = begin + laser_share / light_moments;
     const double end = after_laser + light_share / light_moments;
-    auto laser =
-        (*transport)->TraceLaser(view, grid, laser_settings, Share(limits, begin, after_laser));
-    if (!laser.ok()) return laser.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        auto laser,
+        transport->TraceLaser(view, grid, laser_settings, Share(limits, begin, after_laser)));
     if (m == light_moments / 2) {
       if (layers) {
-        pixel_layers.depth_m = PixelMeans(laser->depth_m, grid, /*skip_zero=*/true);
-        pixel_layers.material = PixelMaterials(laser->material, grid);
+        pixel_layers.depth_m = PixelMeans(laser.depth_m, grid, /*skip_zero=*/true);
+        pixel_layers.material = PixelMaterials(laser.material, grid);
       }
-      ideal.depth_m = std::move(laser->depth_m);
+      ideal.depth_m = std::move(laser.depth_m);
       for (float& depth : ideal.depth_m.values) {
         if (depth <= 0) depth = static_cast<float>(ideal.constant_depth_m);
       }
     }
-    laser->material = {};
-    laser->indirect_radiance_w_m2_sr = {};
+    laser.material = {};
+    laser.indirect_radiance_w_m2_sr = {};
     if (ideal.laser_irradiance_w_m2.empty()) {
-      ideal.laser_irradiance_w_m2 = std::move(laser->radiance_w_m2_sr);
+      ideal.laser_irradiance_w_m2 = std::move(laser.radiance_w_m2_sr);
       for (float& radiance : ideal.laser_irradiance_w_m2.values) radiance *= moment_weight;
     } else {
       for (size_t i = 0; i < ideal.laser_irradiance_w_m2.values.size(); ++i) {
-        ideal.laser_irradiance_w_m2.values[i] += moment_weight * laser->radiance_w_m2_sr.values[i];
+        ideal.laser_irradiance_w_m2.values[i] += moment_weight * laser.radiance_w_m2_sr.values[i];
       }
     }
     if (channels == 0) continue;
-    auto other = (*transport)
-                     ->TraceIncoherent(view, incoherent_grid, weights, incoherent_settings,
-                                       Share(limits, after_laser, end));
-    if (!other.ok()) return other.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        auto other, transport->TraceIncoherent(view, incoherent_grid, weights, incoherent_settings,
+                                               Share(limits, after_laser, end)));
     if (m == 0) {
       incoherent_radiance = Image<float>(incoherent_grid.columns(), incoherent_grid.rows());
       for (int channel = 0; channel < channels; ++channel) {
@@ -325,9 +321,9 @@ absl::StatusOr<RenderedPartFrame> RenderPartFrame(PartScene& scene, const PartFr
       for (size_t i = 0; i < to->values.size(); ++i)
         to->values[i] += moment_weight * from.values[i];
     };
-    add(other->radiance_w_m2_sr, &incoherent_radiance);
+    add(other.radiance_w_m2_sr, &incoherent_radiance);
     for (int channel = 0; channel < channels; ++channel) {
-      add(other->channel_radiance[channel], &ideal.incoherent_electron_flux_m2_s[channel]);
+      add(other.channel_radiance[channel], &ideal.incoherent_electron_flux_m2_s[channel]);
     }
     // Another seed for every moment: their noise averages out.
     incoherent_settings.seed = DeriveSeed(settings.seed, "moment", static_cast<uint64_t>(m) + 1);
@@ -373,10 +369,9 @@ absl::StatusOr<RenderedPartFrame> RenderPartFrame(PartScene& scene, const PartFr
     speckle.shifts.push_back({moment * motion_m.x(), moment * motion_m.y()});
   }
   if (limits.progress) limits.progress(laser_share + light_share);
-  auto image = FormImage(std::move(ideal), frame, effects, speckle,
-                         /*previous_mean_electrons=*/nullptr, limits.threads);
-  if (!image.ok()) return image.status();
-  result.image = *std::move(image);
+  SIGHTLINE_ASSIGN_OR_RETURN(result.image,
+                             FormImage(std::move(ideal), frame, effects, speckle,
+                                       /*previous_mean_electrons=*/nullptr, limits.threads));
   if (layers) {
     pixel_layers.laser_irradiance_w_m2 = result.image.light.laser_irradiance_w_m2;
     Image<float> electrons(frame.roi.columns_px, frame.roi.rows_px);

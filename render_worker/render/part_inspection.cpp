@@ -61,16 +61,15 @@ absl::StatusOr<Inspection> ParsePartInspection(const v1::Inspection& message,
     return InvalidFields(
         {{absl::StrCat(field, ".materials[", i, "].file"), "must be inline: give material"}});
   }
-  absl::StatusOr<Inspection> inspection = ParseInspection(message, field, "");
-  if (!inspection.ok()) return inspection.status();
-  if (!inspection->sensor) {
+  SIGHTLINE_ASSIGN_OR_RETURN(Inspection inspection, ParseInspection(message, field, ""));
+  if (!inspection.sensor) {
     return InvalidFields(
         {{field + ".camera.sensor", "is missing: images need a sensor (camera.sensor_file)"}});
   }
-  if (!inspection->rig.lens) {
+  if (!inspection.rig.lens) {
     return InvalidFields({{field + ".lens", "is missing: images need a lens"}});
   }
-  if (inspection->materials.empty()) {
+  if (inspection.materials.empty()) {
     return InvalidFields({{field + ".materials", "is missing: images need the part's materials"}});
   }
   return inspection;
@@ -90,24 +89,21 @@ std::vector<std::string> AssetFiles(const Inspection& inspection) {
 
 absl::StatusOr<TriangleMesh> LoadMeshAsset(const std::string& file, const std::string& unit,
                                            const AssetResolver& assets) {
-  absl::StatusOr<std::string> path = assets(file);
-  if (!path.ok()) return path.status();
-  absl::StatusOr<std::string> bytes = ReadRegularFile(*path, kMaxMeshBytes);
-  if (!bytes.ok()) return bytes.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(std::string path, assets(file));
+  SIGHTLINE_ASSIGN_OR_RETURN(std::string bytes, ReadRegularFile(path, kMaxMeshBytes));
   std::string format = std::filesystem::path(file).extension().string();
   if (!format.empty()) format = format.substr(1);
   std::transform(format.begin(), format.end(), format.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return LoadPartFromMemory(*bytes, format, unit, file);
+  return LoadPartFromMemory(bytes, format, unit, file);
 }
 
 absl::StatusOr<std::vector<TriangleMesh>> LoadObstacles(const Inspection& inspection,
                                                         const AssetResolver& assets) {
   std::vector<TriangleMesh> meshes;
   for (const ObstacleSource& source : inspection.obstacles) {
-    absl::StatusOr<TriangleMesh> mesh = LoadMeshAsset(source.file, source.unit, assets);
-    if (!mesh.ok()) return mesh.status();
-    meshes.push_back(*std::move(mesh));
+    SIGHTLINE_ASSIGN_OR_RETURN(TriangleMesh mesh, LoadMeshAsset(source.file, source.unit, assets));
+    meshes.push_back(std::move(mesh));
   }
   return meshes;
 }
@@ -117,11 +113,10 @@ absl::StatusOr<std::vector<ActiveEffect>> MakeEffects(const std::vector<EffectCh
   for (const EffectChoice& choice : choices) {
     std::vector<NamedValue> parameters;
     for (const auto& [name, value] : choice.parameters) parameters.push_back({name, value});
-    auto effect = MakeActiveEffect(choice.id, parameters);
-    if (!effect.ok()) return effect.status();
-    effects.push_back(*std::move(effect));
+    SIGHTLINE_ASSIGN_OR_RETURN(auto effect, MakeActiveEffect(choice.id, parameters));
+    effects.push_back(std::move(effect));
   }
-  if (absl::Status status = OrderEffects(&effects); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(OrderEffects(&effects));
   return effects;
 }
 
@@ -149,9 +144,9 @@ absl::StatusOr<std::vector<PartFrameRequest>> ParsePartFrames(
                                                      ", must be in [-100, 100] m")}});
     }
     if (frame.has_setting()) {
-      auto setting = ParseCameraSetting(frame.setting(), *inspection.rig.lens, path + ".setting");
-      if (!setting.ok()) return setting.status();
-      request.setting = *setting;
+      SIGHTLINE_ASSIGN_OR_RETURN(
+          request.setting,
+          ParseCameraSetting(frame.setting(), *inspection.rig.lens, path + ".setting"));
     }
     const FrameSetup setup = PartFrameSetup(inspection, request);
     if (*setup.lens.focus_distance_m <= 1.01 * setup.lens.focal_length_m) {
@@ -171,13 +166,11 @@ absl::StatusOr<std::unique_ptr<PartScene>> LoadPartScene(const Inspection& inspe
   PartSceneInput input;
   input.inspection = inspection;
   input.assets = assets;
-  auto part = LoadMeshAsset(inspection.part_file, inspection.part_unit, assets);
-  if (!part.ok()) return part.status();
-  if (part_digest != nullptr) *part_digest = PartDigestOf(*part).Text();
-  input.part = *std::move(part);
-  auto obstacles = LoadObstacles(inspection, assets);
-  if (!obstacles.ok()) return obstacles.status();
-  input.obstacles = *std::move(obstacles);
+  SIGHTLINE_ASSIGN_OR_RETURN(auto part,
+                             LoadMeshAsset(inspection.part_file, inspection.part_unit, assets));
+  if (part_digest != nullptr) *part_digest = PartDigestOf(part).Text();
+  input.part = std::move(part);
+  SIGHTLINE_ASSIGN_OR_RETURN(input.obstacles, LoadObstacles(inspection, assets));
   return PartScene::Make(std::move(input));
 }
 

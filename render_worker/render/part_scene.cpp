@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "core/inspection/vector_proto.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -56,7 +57,7 @@ PartScene::PartScene(PartSceneInput input) : input_(std::move(input)) {}
 
 absl::StatusOr<std::unique_ptr<PartScene>> PartScene::Make(PartSceneInput input) {
   std::unique_ptr<PartScene> scene(new PartScene(std::move(input)));
-  if (absl::Status status = scene->Prepare(); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(scene->Prepare());
   return scene;
 }
 
@@ -94,10 +95,10 @@ absl::Status PartScene::Prepare() {
           names.empty() ? "names no materials"
                         : absl::StrCat("has only ", absl::StrJoin(names, ", "))));
     }
-    auto material = MakeMaterial(choice.material, inspection.rig.laser.wavelength_m, input_.assets,
-                                 MaterialContext(choice, i));
-    if (!material.ok()) return material.status();
-    materials_.push_back(*std::move(material));
+    SIGHTLINE_ASSIGN_OR_RETURN(auto material,
+                               MakeMaterial(choice.material, inspection.rig.laser.wavelength_m,
+                                            input_.assets, MaterialContext(choice, i)));
+    materials_.push_back(std::move(material));
     material_names_.push_back(choice.material.name());
     const auto index = static_cast<uint16_t>(i);
     if (choice.part_material.empty()) {
@@ -136,16 +137,15 @@ absl::Status PartScene::Prepare() {
   v1::Material grey;
   grey.set_name("obstacle");
   grey.mutable_lambert()->set_diffuse_albedo(kObstacleAlbedo);
-  auto obstacle = MakeMaterial(grey, inspection.rig.laser.wavelength_m, input_.assets, "obstacles");
-  if (!obstacle.ok()) return obstacle.status();
-  materials_.push_back(*std::move(obstacle));
+  SIGHTLINE_ASSIGN_OR_RETURN(auto obstacle, MakeMaterial(grey, inspection.rig.laser.wavelength_m,
+                                                         input_.assets, "obstacles"));
+  materials_.push_back(std::move(obstacle));
   material_names_.push_back("obstacle");
 
   const v1::Lighting& lighting = inspection.lighting;
   if (lighting.ambient().radiance_w_m2_sr() > 0) {
-    auto spectrum = ParseSourceSpectrum(lighting.ambient().spectrum(), "lighting.ambient.spectrum");
-    if (!spectrum.ok()) return spectrum.status();
-    ambient_ = *spectrum;
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        ambient_, ParseSourceSpectrum(lighting.ambient().spectrum(), "lighting.ambient.spectrum"));
     for (float& bin : ambient_) {
       bin *= static_cast<float>(lighting.ambient().radiance_w_m2_sr());
     }
@@ -153,11 +153,11 @@ absl::Status PartScene::Prepare() {
   }
   for (int i = 0; i < lighting.area_lights_size(); ++i) {
     const v1::AreaLight& light = lighting.area_lights(i);
-    auto spectrum = ParseSourceSpectrum(light.spectrum(),
-                                        absl::StrCat("lighting.area_lights[", i, "].spectrum"));
-    if (!spectrum.ok()) return spectrum.status();
-    for (float& bin : *spectrum) bin *= static_cast<float>(light.radiance_w_m2_sr());
-    area_light_spectra_.push_back(*spectrum);
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        auto spectrum, ParseSourceSpectrum(light.spectrum(),
+                                           absl::StrCat("lighting.area_lights[", i, "].spectrum")));
+    for (float& bin : spectrum) bin *= static_cast<float>(light.radiance_w_m2_sr());
+    area_light_spectra_.push_back(spectrum);
     has_incoherent_light_ = true;
   }
   for (size_t i = 0; i < input_.obstacles.size(); ++i) {
@@ -226,9 +226,7 @@ absl::StatusOr<std::shared_ptr<const LightTransport>> PartScene::TransportAt(
                                  area_light_spectra_[i]});
   }
   scene.ambient_radiance_w_m2_sr = ambient_;
-  auto transport = LightTransport::Make(std::move(scene));
-  if (!transport.ok()) return transport.status();
-  transport_ = *std::move(transport);
+  SIGHTLINE_ASSIGN_OR_RETURN(transport_, LightTransport::Make(std::move(scene)));
   built_for_ = key;
   return transport_;
 }

@@ -16,6 +16,7 @@
 #include "core/file/atomic_write.h"
 #include "core/inspection/imaging.h"
 #include "core/json/strict_json.h"
+#include "core/status/status_macros.h"
 #include "proto/status/rpc_status.h"
 #include "render_worker/image_file/image_file.h"
 #include "render_worker/recordings/plate_frames.h"
@@ -73,36 +74,32 @@ class ImageWriter {
       return absl::ResourceExhaustedError(
           absl::StrCat(path.parent_path().string(), ": cannot be made: ", error.message()));
     }
-    absl::Status status = WriteRawImage(path.string(), raw_dn, description, FormatOf(output_));
-    if (!status.ok()) return status;
-    if (status = Report(name, number); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(WriteRawImage(path.string(), raw_dn, description, FormatOf(output_)));
+    SIGHTLINE_RETURN_IF_ERROR(Report(name, number));
     const std::string stem = (fs::path(name).parent_path() / fs::path(name).stem()).string();
     if (layers != nullptr) {
       const std::string file = stem + "_layers.exr";
-      status = WriteLayers((fs::path(folder_) / file).string(), Named(*layers), description);
-      if (!status.ok()) return status;
-      if (status = Report(file, number); !status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(
+          WriteLayers((fs::path(folder_) / file).string(), Named(*layers), description));
+      SIGHTLINE_RETURN_IF_ERROR(Report(file, number));
     }
     if (output_.demosaic() && sensor_.colour_filter == ColourFilter::kBayerRggb) {
-      auto colour =
-          Demosaic(raw_dn, sensor_.rows_px / 2 + roi.row_px, sensor_.columns_px / 2 + roi.column_px,
-                   DemosaicMethod::kMalvarHeCutler);
-      if (!colour.ok()) return colour.status();
+      SIGHTLINE_ASSIGN_OR_RETURN(auto colour, Demosaic(raw_dn, sensor_.rows_px / 2 + roi.row_px,
+                                                       sensor_.columns_px / 2 + roi.column_px,
+                                                       DemosaicMethod::kMalvarHeCutler));
       const double black_dn = DarkMeanDn(sensor_);
-      WhiteBalance(GreyWorldFactors(*colour, black_dn, sensor_.largest_dn()), black_dn, &*colour);
+      WhiteBalance(GreyWorldFactors(colour, black_dn, sensor_.largest_dn()), black_dn, &colour);
       const std::string file = absl::StrCat(stem, "_rgb", FileExtension(FormatOf(output_)));
-      status = WriteColourImage((fs::path(folder_) / file).string(), *colour, description,
-                                FormatOf(output_));
-      if (!status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(WriteColourImage((fs::path(folder_) / file).string(), colour,
+                                                 description, FormatOf(output_)));
       return Report(file, number);
     }
     return absl::OkStatus();
   }
 
   absl::Status WriteRecordings(const v1::Recordings& recordings) const {
-    absl::Status status =
-        WriteFileAtomically(folder_ + "/recordings.json", RecordingsToJson(recordings) + "\n");
-    if (!status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(
+        WriteFileAtomically(folder_ + "/recordings.json", RecordingsToJson(recordings) + "\n"));
     return Report("recordings.json", -1);
   }
 
@@ -122,10 +119,9 @@ class ImageWriter {
   }
 
   absl::Status Report(const std::string& name, int number) const {
-    absl::StatusOr<RenderedFile> file = Describe(folder_, name);
-    if (!file.ok()) return file.status();
-    file->image = number;
-    if (hooks_.on_file) hooks_.on_file(*std::move(file));
+    SIGHTLINE_ASSIGN_OR_RETURN(RenderedFile file, Describe(folder_, name));
+    file.image = number;
+    if (hooks_.on_file) hooks_.on_file(std::move(file));
     return absl::OkStatus();
   }
 
@@ -169,25 +165,18 @@ class PartTask final : public RenderTask {
                        int64_t max_image_bytes) {
     output_ = output;
     message_ = message.inspection();
-    absl::StatusOr<Inspection> inspection = ParsePartInspection(message_, "part.inspection");
-    if (!inspection.ok()) return inspection.status();
-    inspection_ = *std::move(inspection);
-    auto effects = MakeEffects(inspection_.effects);
-    if (!effects.ok()) return effects.status();
-    effects_ = *std::move(effects);
-    auto requests = ParsePartFrames(message.frames(), inspection_, "part.frames");
-    if (!requests.ok()) return requests.status();
-    requests_ = *std::move(requests);
+    SIGHTLINE_ASSIGN_OR_RETURN(inspection_, ParsePartInspection(message_, "part.inspection"));
+    SIGHTLINE_ASSIGN_OR_RETURN(effects_, MakeEffects(inspection_.effects));
+    SIGHTLINE_ASSIGN_OR_RETURN(requests_,
+                               ParsePartFrames(message.frames(), inspection_, "part.frames"));
     for (size_t i = 0; i < requests_.size(); ++i) {
       const FrameSetup setup = PartFrameSetup(inspection_, requests_[i]);
-      absl::Status status = CheckFrameBytes(EstimateFrameBytes(setup), max_image_bytes, setup,
-                                            SubPixelsOf(setup), absl::StrCat("frames[", i, "]"));
-      if (!status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(CheckFrameBytes(EstimateFrameBytes(setup), max_image_bytes, setup,
+                                                SubPixelsOf(setup),
+                                                absl::StrCat("frames[", i, "]")));
       frames_.push_back(message.frames(static_cast<int>(i)));
     }
-    auto finished = FinishedImages(output, static_cast<int>(frames_.size()));
-    if (!finished.ok()) return finished.status();
-    finished_ = *std::move(finished);
+    SIGHTLINE_ASSIGN_OR_RETURN(finished_, FinishedImages(output, static_cast<int>(frames_.size())));
     return absl::OkStatus();
   }
 
@@ -200,8 +189,7 @@ class PartTask final : public RenderTask {
   absl::Status Run(const std::string& folder, const AssetResolver& assets,
                    const RenderTaskHooks& hooks) override {
     std::string part_digest;
-    auto scene = LoadPartScene(inspection_, assets, &part_digest);
-    if (!scene.ok()) return scene.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(auto scene, LoadPartScene(inspection_, assets, &part_digest));
 
     const v1::Recordings recordings = DescribeSet(part_digest);
     const ImageWriter writer(folder, output_, *inspection_.sensor, hooks);
@@ -226,16 +214,15 @@ class PartTask final : public RenderTask {
                           absl::StrCat("image ", i + 1, " of ", frames_.size()));
       };
       limits.progress(0);
-      auto frame = RenderPartFrame(**scene, requests_[i], effects_, output_.layers(), limits);
-      if (!frame.ok()) return frame.status();
-      for (const std::string& warning : frame->warnings) {
+      SIGHTLINE_ASSIGN_OR_RETURN(
+          auto frame, RenderPartFrame(*scene, requests_[i], effects_, output_.layers(), limits));
+      for (const std::string& warning : frame.warnings) {
         if (warned.insert(warning).second && hooks.on_warning) hooks.on_warning(warning);
       }
-      absl::Status status = writer.Write(static_cast<int>(i), name, frame->image.raw_dn,
-                                         PartFrameSetup(inspection_, requests_[i]).roi,
-                                         frame->layers ? &*frame->layers : nullptr,
-                                         DescribeImage(recordings, static_cast<int>(i)));
-      if (!status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(writer.Write(static_cast<int>(i), name, frame.image.raw_dn,
+                                             PartFrameSetup(inspection_, requests_[i]).roi,
+                                             frame.layers ? &*frame.layers : nullptr,
+                                             DescribeImage(recordings, static_cast<int>(i))));
     }
     return writer.WriteRecordings(recordings);
   }
@@ -321,9 +308,7 @@ class PlateTask final : public RenderTask {
                        int64_t max_image_bytes) {
     output_ = output;
     message_ = message.recordings();
-    absl::StatusOr<RecordingSet> set = ParseRecordings(message_, "plate.recordings");
-    if (!set.ok()) return set.status();
-    set_ = *std::move(set);
+    SIGHTLINE_ASSIGN_OR_RETURN(set_, ParseRecordings(message_, "plate.recordings"));
     if (set_.format_version == 2) {
       return InvalidFields({{"plate.recordings.format_version", "is 2, must be 1 or 3: a plate"}});
     }
@@ -334,10 +319,8 @@ class PlateTask final : public RenderTask {
     if (output.layers()) {
       return InvalidFields({{"output.layers", "is for parts; a plate has none"}});
     }
-    absl::StatusOr<SetupDeviation> deviation =
-        ParseSetupDeviation(message.deviations(), true, "deviations", "plate");
-    if (!deviation.ok()) return deviation.status();
-    options_.deviation = *deviation;
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        options_.deviation, ParseSetupDeviation(message.deviations(), true, "deviations", "plate"));
     options_.seed = message.has_seed() ? static_cast<uint64_t>(message.seed()) : 1;
     options_.speckle = !message.has_speckle() || message.speckle();
     std::vector<EffectChoice> choices;
@@ -345,15 +328,12 @@ class PlateTask final : public RenderTask {
       choices.push_back(
           {effect.effect(), {effect.parameters().begin(), effect.parameters().end()}});
     }
-    auto effects = MakeEffects(choices);
-    if (!effects.ok()) return effects.status();
-    effects_ = *std::move(effects);
+    SIGHTLINE_ASSIGN_OR_RETURN(effects_, MakeEffects(choices));
     for (int i = 0; i < message_.recordings_size(); ++i) {
       const FrameSetup frame = PlateFrame(set_, i, options_);
-      absl::Status status =
-          CheckFrameBytes(EstimateFrameBytes(frame), max_image_bytes, frame, SubPixelsOf(frame),
-                          absl::StrCat("recordings[", i, "]"));
-      if (!status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(CheckFrameBytes(EstimateFrameBytes(frame), max_image_bytes, frame,
+                                                SubPixelsOf(frame),
+                                                absl::StrCat("recordings[", i, "]")));
       v1::Recording* recording = message_.mutable_recordings(i);
       if (FormatOf(output_) == ImageFormat::kTiff) {
         recording->set_file(fs::path(recording->file()).replace_extension(".tif").string());
@@ -363,9 +343,7 @@ class PlateTask final : public RenderTask {
                                "is \"recordings.json\", which the set itself needs"}});
       }
     }
-    auto finished = FinishedImages(output, frames());
-    if (!finished.ok()) return finished.status();
-    finished_ = *std::move(finished);
+    SIGHTLINE_ASSIGN_OR_RETURN(finished_, FinishedImages(output, frames()));
     return absl::OkStatus();
   }
 
@@ -389,18 +367,17 @@ class PlateTask final : public RenderTask {
                           absl::StrCat("image ", i + 1, " of ", frames()));
       }
       const FrameSetup frame = PlateFrame(set_, i, options_);
-      auto image =
+      SIGHTLINE_ASSIGN_OR_RETURN(
+          auto image,
           RenderPlateFrame(frame, effects_, frame.burst_frame_index > 0 ? &previous : nullptr,
-                           hooks.threads, PlateOf(set_, i));
-      if (!image.ok()) return image.status();
+                           hooks.threads, PlateOf(set_, i)));
       if (Cancelled(hooks)) return absl::CancelledError("cancelled");
       if (!finished) {
-        absl::Status status =
-            writer.Write(i, message_.recordings(i).file(), image->raw_dn, frame.roi,
-                         /*layers=*/nullptr, DescribeImage(message_, i));
-        if (!status.ok()) return status;
+        SIGHTLINE_RETURN_IF_ERROR(writer.Write(i, message_.recordings(i).file(), image.raw_dn,
+                                               frame.roi,
+                                               /*layers=*/nullptr, DescribeImage(message_, i)));
       }
-      previous = std::move(image->mean_photo_electrons);
+      previous = std::move(image.mean_photo_electrons);
     }
     return writer.WriteRecordings(message_);
   }

@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "absl/strings/str_cat.h"
+#include "core/status/status_macros.h"
 #include "render_worker/render/part_frame.h"
 
 namespace sightline {
@@ -58,8 +59,7 @@ absl::Status CheckRecordedScene(const RecordedScene& scene) {
   }
   bool laser = false;
   for (size_t i = 0; i < recordings.size(); ++i) {
-    absl::Status status = CheckRecordedImage(scene, recordings[i], scene.raw_dn[i]);
-    if (!status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(CheckRecordedImage(scene, recordings[i], scene.raw_dn[i]));
     laser = laser || recordings[i].kind == RecordingKind::kLaser;
   }
   if (!laser) {

@@ -7,6 +7,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "core/status/status_macros.h"
 #include "render_worker/evidence/answer_text.h"
 #include "render_worker/scene_diagnosis/answer/added_light.h"
 #include "render_worker/scene_diagnosis/answer/calibrated_scene.h"
@@ -102,7 +103,7 @@ v1::Diagnosis DescribeComparison(const RecordedScene& scene, const SceneLight& l
 absl::StatusOr<v1::Diagnosis> DiagnoseScene(const RecordedScene& scene,
                                             const SceneDiagnosisSettings& settings,
                                             const SceneDiagnosisProgress& progress) {
-  if (absl::Status status = CheckRecordedScene(scene); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(CheckRecordedScene(scene));
   if (settings.max_effects < 1 || settings.max_effects > 2) {
     return absl::InvalidArgumentError(
         absl::StrCat("max_effects: is ", settings.max_effects, ", must be 1 or 2 for a part"));
@@ -110,15 +111,14 @@ absl::StatusOr<v1::Diagnosis> DiagnoseScene(const RecordedScene& scene,
   const SceneDiagnosisProgress report = [&progress](double fraction, std::string_view what) {
     if (progress) progress(fraction, what);
   };
-  const absl::StatusOr<SceneLight> light = TraceLight(scene, settings, report);
-  if (!light.ok()) return light.status();
-  const size_t recordings = light->surfaces.size();
+  SIGHTLINE_ASSIGN_OR_RETURN(const SceneLight light, TraceLight(scene, settings, report));
+  const size_t recordings = light.surfaces.size();
   const bool traced_all = recordings == scene.recordings.recordings.size();
   const BlockMeans blocks(scene, static_cast<int>(recordings), settings.block_px,
                           settings.tile_blocks, settings.registration_px);
   const PathComparison comparison =
-      CompareTraced(scene, *light, blocks, settings, traced_all, report);
-  v1::Diagnosis diagnosis = DescribeComparison(scene, *light, blocks, comparison);
+      CompareTraced(scene, light, blocks, settings, traced_all, report);
+  v1::Diagnosis diagnosis = DescribeComparison(scene, light, blocks, comparison);
   diagnosis.set_set(scene.recordings.name);
   diagnosis.set_seed(static_cast<int64_t>(settings.seed));
   report(1, "done");

@@ -3,6 +3,7 @@
 
 #include <utility>
 
+#include "core/status/status_macros.h"
 #include "render_worker/render/part_frame.h"
 #include "render_worker/scene_diagnosis/light/diffracted_light.h"
 #include "render_worker/scene_diagnosis/light/path_catalogue.h"
@@ -48,17 +49,19 @@ absl::Status TraceShapes(const TracedRecording& traced, const Image<double>& dir
                          RecordingLight* light) {
   const PathCatalogue& catalogue = traced.catalogue;
   for (const size_t path : catalogue.stray_light) {
-    auto wide = traced.renderer->Render(
-        traced.index, {.stray_width_m = catalogue.paths[path].shape}, /*layers=*/false);
-    if (!wide.ok()) return wide.status();
-    light->electrons[path] = ScaledDifference(wide->image.mean_photo_electrons, direct, 1);
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        auto wide,
+        traced.renderer->Render(traced.index, {.stray_width_m = catalogue.paths[path].shape},
+                                /*layers=*/false));
+    light->electrons[path] = ScaledDifference(wide.image.mean_photo_electrons, direct, 1);
   }
   for (const size_t path : catalogue.veiling_glare) {
-    auto halo = traced.renderer->Render(
-        traced.index, {.halo_radius_m = catalogue.paths[path].shape}, /*layers=*/false);
-    if (!halo.ok()) return halo.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        auto halo,
+        traced.renderer->Render(traced.index, {.halo_radius_m = catalogue.paths[path].shape},
+                                /*layers=*/false));
     light->electrons[path] =
-        ScaledDifference(halo->image.mean_photo_electrons, direct, 1 / kRenderedGlareFraction);
+        ScaledDifference(halo.image.mean_photo_electrons, direct, 1 / kRenderedGlareFraction);
   }
   return absl::OkStatus();
 }
@@ -76,20 +79,19 @@ absl::Status TraceLaser(const TracedRecording& traced, const RenderedPartFrame& 
   }
   const RenderSettings& render = traced.scene.inspection.render;
   const bool nominal = NullModelHasInterreflection(render);
-  const auto reflected = traced.renderer->Render(
-      traced.index,
-      {.interreflection = true,
-       .max_bounces = nominal ? render.max_bounces : traced.settings.max_bounces},
-      /*layers=*/nominal);
-  if (!reflected.ok()) return reflected.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      const auto reflected,
+      traced.renderer->Render(
+          traced.index,
+          {.interreflection = true,
+           .max_bounces = nominal ? render.max_bounces : traced.settings.max_bounces},
+          /*layers=*/nominal));
   if (!nominal) {
     light->electrons[*catalogue.laser_interreflection] =
-        ScaledDifference(reflected->image.mean_photo_electrons, direct_electrons, 1);
+        ScaledDifference(reflected.image.mean_photo_electrons, direct_electrons, 1);
   }
-  if (absl::Status status = TraceShapes(traced, direct_electrons, light); !status.ok()) {
-    return status;
-  }
-  const RenderedPartFrame& described = nominal ? *reflected : direct;
+  SIGHTLINE_RETURN_IF_ERROR(TraceShapes(traced, direct_electrons, light));
+  const RenderedPartFrame& described = nominal ? reflected : direct;
   light->diffracted_laser = DiffractedElectrons(described.image.mean_photo_electrons,
                                                 described.layers->laser_radiance_w_m2_sr);
   light->electrons[catalogue.laser] = described.image.mean_photo_electrons;
@@ -100,45 +102,49 @@ absl::Status TraceLaser(const TracedRecording& traced, const RenderedPartFrame& 
 absl::Status TraceOtherLight(const TracedRecording& traced, RecordingLight* light) {
   const PathCatalogue& catalogue = traced.catalogue;
   const int max_bounces = traced.settings.max_bounces;
-  auto surround = traced.renderer->Render(
-      traced.index, {.laser = false, .max_bounces = max_bounces, .surround_radiance_w_m2_sr = 1},
-      /*layers=*/false);
-  if (!surround.ok()) return surround.status();
-  light->electrons[catalogue.surround] = std::move(surround->image.mean_photo_electrons);
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      auto surround,
+      traced.renderer->Render(
+          traced.index,
+          {.laser = false, .max_bounces = max_bounces, .surround_radiance_w_m2_sr = 1},
+          /*layers=*/false));
+  light->electrons[catalogue.surround] = std::move(surround.image.mean_photo_electrons);
   if (!catalogue.lamps) return absl::OkStatus();
   const int described_bounces = traced.scene.inspection.render.max_bounces;
-  auto lamps = traced.renderer->Render(
-      traced.index, {.laser = false, .lamps = true, .max_bounces = described_bounces},
-      /*layers=*/false);
-  if (!lamps.ok()) return lamps.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      auto lamps,
+      traced.renderer->Render(traced.index,
+                              {.laser = false, .lamps = true, .max_bounces = described_bounces},
+                              /*layers=*/false));
   if (catalogue.lamp_interreflection) {
-    auto reflected = traced.renderer->Render(
-        traced.index, {.laser = false, .lamps = true, .max_bounces = max_bounces},
-        /*layers=*/false);
-    if (!reflected.ok()) return reflected.status();
-    light->electrons[*catalogue.lamp_interreflection] = ScaledDifference(
-        reflected->image.mean_photo_electrons, lamps->image.mean_photo_electrons, 1);
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        auto reflected,
+        traced.renderer->Render(traced.index,
+                                {.laser = false, .lamps = true, .max_bounces = max_bounces},
+                                /*layers=*/false));
+    light->electrons[*catalogue.lamp_interreflection] =
+        ScaledDifference(reflected.image.mean_photo_electrons, lamps.image.mean_photo_electrons, 1);
   }
-  light->electrons[*catalogue.lamps] = std::move(lamps->image.mean_photo_electrons);
+  light->electrons[*catalogue.lamps] = std::move(lamps.image.mean_photo_electrons);
   return absl::OkStatus();
 }
 
 absl::StatusOr<RecordingLight> TraceRecording(const TracedRecording& traced) {
   const PathCatalogue& catalogue = traced.catalogue;
-  const auto direct = traced.renderer->Render(traced.index, {}, /*layers=*/true);
-  if (!direct.ok()) return direct.status();
-  const Image<double>& image = direct->image.mean_photo_electrons;
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto direct,
+                             traced.renderer->Render(traced.index, {}, /*layers=*/true));
+  const Image<double>& image = direct.image.mean_photo_electrons;
   const Image<double> dark(image.columns_px, image.rows_px, 0.0);
   RecordingLight light;
   light.electrons.assign(catalogue.paths.size(), dark);
   light.diffracted_laser = dark;
-  light.surface = {direct->layers->material, direct->layers->depth_m};
+  light.surface = {direct.layers->material, direct.layers->depth_m};
   for (const size_t path : {catalogue.dark_charge, catalogue.sensor_offset}) {
     for (double& value : light.electrons[path].values) value = 1;
   }
   if (traced.kind() == RecordingKind::kDark) return light;
-  if (absl::Status status = TraceLaser(traced, *direct, &light); !status.ok()) return status;
-  if (absl::Status status = TraceOtherLight(traced, &light); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(TraceLaser(traced, direct, &light));
+  SIGHTLINE_RETURN_IF_ERROR(TraceOtherLight(traced, &light));
   return light;
 }
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/physics/constants.h"
+#include "core/status/status_macros.h"
 #include "render_worker/sensor/expose.h"
 
 namespace sightline {
@@ -74,10 +75,9 @@ absl::StatusOr<Characterisation> CharacteriseSensor(const Sensor& sensor,
     steps.push_back(step);
   }
   Characterisation result;
-  absl::StatusOr<PhotonTransfer> transfer = MeasurePhotonTransfer(steps);
-  if (!transfer.ok()) return transfer.status();
-  result.photon_transfer = *transfer;
-  const Estimate& gain = transfer->gain_dn_per_electron;
+  SIGHTLINE_ASSIGN_OR_RETURN(PhotonTransfer transfer, MeasurePhotonTransfer(steps));
+  result.photon_transfer = transfer;
+  const Estimate& gain = transfer.gain_dn_per_electron;
 
   std::vector<TemperatureStep> temperatures;
   bool measurable = true;
@@ -92,29 +92,24 @@ absl::StatusOr<Characterisation> CharacteriseSensor(const Sensor& sensor,
       const double time_s = longest_s * j / 6;
       dark.push_back({time_s, camera.TakePair(0, time_s, temperature_c)});
     }
-    absl::StatusOr<DarkCurrent> measured = MeasureDarkCurrent(dark, gain);
-    if (!measured.ok()) return measured.status();
-    if (i == 0) result.dark_current = *measured;
-    const Estimate& estimate = measured->from_mean_electrons_per_s;
+    SIGHTLINE_ASSIGN_OR_RETURN(DarkCurrent measured, MeasureDarkCurrent(dark, gain));
+    if (i == 0) result.dark_current = measured;
+    const Estimate& estimate = measured.from_mean_electrons_per_s;
     measurable = measurable && estimate.value > 5 * estimate.standard_error;
     temperatures.push_back({temperature_c, estimate});
   }
   if (measurable) {
-    absl::StatusOr<DarkCurrentOverTemperature> over =
-        MeasureDoublingTemperature(temperatures, reference_c);
-    if (!over.ok()) return over.status();
-    result.over_temperature = *over;
+    SIGHTLINE_ASSIGN_OR_RETURN(result.over_temperature,
+                               MeasureDoublingTemperature(temperatures, reference_c));
   }
 
   FrameStack dark, bright;
-  const double half = 0.5 * transfer->saturation_photons.value;
+  const double half = 0.5 * transfer.saturation_photons.value;
   for (int i = 0; i < setup.stack_frames; ++i) {
     dark.Add(camera.Take(0, setup.exposure_time_s, reference_c));
     bright.Add(camera.Take(half, setup.exposure_time_s, reference_c));
   }
-  absl::StatusOr<NonUniformity> uniformity = MeasureNonUniformity(dark, bright, gain);
-  if (!uniformity.ok()) return uniformity.status();
-  result.non_uniformity = *uniformity;
+  SIGHTLINE_ASSIGN_OR_RETURN(result.non_uniformity, MeasureNonUniformity(dark, bright, gain));
   return result;
 }
 

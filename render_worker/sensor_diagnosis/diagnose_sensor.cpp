@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/sensor/emva1288_data.h"
+#include "core/status/status_macros.h"
 #include "render_worker/sensor_diagnosis/answer/camera_values.h"
 #include "render_worker/sensor_diagnosis/answer/departure_messages.h"
 #include "render_worker/sensor_diagnosis/answer/transfer_messages.h"
@@ -59,13 +60,12 @@ absl::StatusOr<v1::SensorDiagnosis> DiagnoseStatistics(const v1::SensorSet& set,
                                                        const SensorSetStatistics& statistics) {
   const FlatFieldSteps steps(statistics.steps);
   const Saturation saturation = FindSaturation(steps);
-  auto transfer = AnalyseTransfer(steps, saturation);
-  if (!transfer.ok()) return transfer.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto transfer, AnalyseTransfer(steps, saturation));
   const MeasuredCamera measured{.set = set,
                                 .steps = steps,
                                 .saturation = saturation,
                                 .standard = MeasureByStandard(steps),
-                                .transfer = *std::move(transfer),
+                                .transfer = std::move(transfer),
                                 .patterns = FindFixedPatterns(steps)};
   std::vector<Departure> departures = measured.transfer.departures;
   Append(PatternDepartures(measured.patterns), &departures);
@@ -92,10 +92,9 @@ absl::StatusOr<v1::SensorDiagnosis> DiagnoseStatistics(const v1::SensorSet& set,
 
 absl::StatusOr<v1::SensorDiagnosis> DiagnoseSensor(const v1::SensorSet& set,
                                                    const SensorDiagnosisHooks& hooks) {
-  const auto statistics = ReadSensorFrames(set, hooks);
-  if (!statistics.ok()) return statistics.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto statistics, ReadSensorFrames(set, hooks));
   if (hooks.on_progress) hooks.on_progress(kReadingShare, "fitting the photon transfer");
-  auto answer = DiagnoseStatistics(set, *statistics);
+  auto answer = DiagnoseStatistics(set, statistics);
   if (hooks.on_progress) hooks.on_progress(1, "done");
   return answer;
 }

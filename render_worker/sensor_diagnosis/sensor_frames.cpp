@@ -7,6 +7,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_format.h"
 #include "core/recordings/raw_numbers.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -57,11 +58,9 @@ absl::StatusOr<SensorSetStatistics> ReadSensorFrames(const v1::SensorSet& set,
       if (hooks.cancelled != nullptr && hooks.cancelled->load()) {
         return absl::CancelledError("cancelled");
       }
-      const auto image = hooks.read_image(file);
-      if (!image.ok()) return image.status();
-      absl::Status status = CountRawNumbers(set, file, *image, largest, &result.counts);
-      if (!status.ok()) return status;
-      frames.Add(*image);
+      SIGHTLINE_ASSIGN_OR_RETURN(const auto image, hooks.read_image(file));
+      SIGHTLINE_RETURN_IF_ERROR(CountRawNumbers(set, file, image, largest, &result.counts));
+      frames.Add(image);
       ++read;
       if (!hooks.on_progress) continue;
       hooks.on_progress(kReadingShare * static_cast<double>(read) / static_cast<double>(images),

@@ -8,6 +8,7 @@
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "core/digest/sha256.h"
+#include "core/status/status_macros.h"
 #include "proto/status/rpc_status.h"
 #include "render_worker/service/without_folders.h"
 #include "rpc_server/rpc_server.h"
@@ -45,9 +46,8 @@ absl::StatusOr<v1::Job> AnswerJobs::Queue(const std::string& kind, const std::st
         }
         const std::string key = Sha256Hex(*bytes);
         const auto size = static_cast<int64_t>(bytes->size());
-        absl::Status kept =
-            results_.Put(key, std::make_shared<const std::string>(*std::move(bytes)), size);
-        if (!kept.ok()) return kept;
+        SIGHTLINE_RETURN_IF_ERROR(
+            results_.Put(key, std::make_shared<const std::string>(*std::move(bytes)), size));
         return key;
       },
       std::move(room));

@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/digest/sha256.h"
 #include "core/file/atomic_write.h"
+#include "core/status/status_macros.h"
 #include "render_worker/service/without_folders.h"
 
 namespace sightline {
@@ -44,9 +45,8 @@ absl::StatusOr<std::string> AssetStore::Put(const std::string& bytes) {
         absl::ResourceExhaustedError(absl::StrCat("the asset cannot be kept: ", status.message())),
         {folder_});
   }
-  absl::Status status =
-      assets_.Put(digest, std::make_shared<const Asset>(path), static_cast<int64_t>(bytes.size()));
-  if (!status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(
+      assets_.Put(digest, std::make_shared<const Asset>(path), static_cast<int64_t>(bytes.size())));
   return digest;
 }
 

@@ -20,6 +20,7 @@
 #include "core/recordings/recordings.h"
 #include "core/recordings/reduction/reduce_posed_plates.h"
 #include "core/recordings/reduction/start_from_images.h"
+#include "core/status/status_macros.h"
 #include "proto/status/rpc_status.h"
 #include "render_worker/effects/effect.h"
 #include "render_worker/render/part_inspection.h"
@@ -112,16 +113,15 @@ absl::StatusOr<std::shared_ptr<DiagnosisServiceImpl::CheckedSet>> DiagnosisServi
   }
   std::vector<std::string> assumptions;
   if (missing_values == Missing::kAssume) assumptions = AssumeMissingValues(&message);
-  absl::StatusOr<RecordingSet> description = ParseRecordings(message, "source.recordings");
-  if (!description.ok()) return description.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(RecordingSet description,
+                             ParseRecordings(message, "source.recordings"));
   AssetFolder files(absl::StrCat(p_.spool_folder, "/set-", next_folder_++));
-  absl::Status status = files.Add(source.images(), "source.images", p_.assets);
-  if (!status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(files.Add(source.images(), "source.images", p_.assets));
   std::vector<FieldViolation> missing;
   std::vector<std::string> paths;
   int64_t bytes = 0;
-  for (size_t i = 0; i < description->recordings.size(); ++i) {
-    const RecordedImage& image = description->recordings[i];
+  for (size_t i = 0; i < description.recordings.size(); ++i) {
+    const RecordedImage& image = description.recordings[i];
     bytes +=
         int64_t{image.roi_columns_px} * image.roi_rows_px * static_cast<int64_t>(sizeof(uint16_t));
     const absl::StatusOr<std::string> path = files.Resolve(image.file);
@@ -154,47 +154,45 @@ absl::StatusOr<std::shared_ptr<DiagnosisServiceImpl::CheckedSet>> DiagnosisServi
         WithErrorInfo(absl::UnavailableError("overloaded: too many sets wait"), "OVERLOADED"),
         absl::Seconds(1));
   }
-  absl::StatusOr<LoadedImages> loaded = LoadRecordedImages(*description, paths, stop);
-  if (!loaded.ok()) return loaded.status();
-  if (!loaded->errors.empty()) return InvalidImages(files, loaded->errors);
-  checked->images = std::move(loaded->raw_dn);
-  assumptions.insert(assumptions.end(), loaded->remarks.begin(), loaded->remarks.end());
-  if (loaded->eight_bit_files) {
+  SIGHTLINE_ASSIGN_OR_RETURN(LoadedImages loaded, LoadRecordedImages(description, paths, stop));
+  if (!loaded.errors.empty()) return InvalidImages(files, loaded.errors);
+  checked->images = std::move(loaded.raw_dn);
+  assumptions.insert(assumptions.end(), loaded.remarks.begin(), loaded.remarks.end());
+  if (loaded.eight_bit_files) {
     assumptions.push_back(
-        TakeNarrowNumbers(EightBitNumbers(description->camera), &*description, &checked->images));
+        TakeNarrowNumbers(EightBitNumbers(description.camera), &description, &checked->images));
   }
-  if (description->posed) {
-    const RecordingCheck whole = CheckRecordings(*description, checked->images, stop);
+  if (description.posed) {
+    const RecordingCheck whole = CheckRecordings(description, checked->images, stop);
     if (!whole.errors.empty()) return InvalidImages(files, whole.errors);
-    auto reduced = ReducePosedPlates(*description, checked->images);
-    if (!reduced.ok()) return reduced.status();
-    if (static_cast<int>(reduced->set.recordings.size()) > kMostRecordings) {
+    SIGHTLINE_ASSIGN_OR_RETURN(auto reduced, ReducePosedPlates(description, checked->images));
+    if (static_cast<int>(reduced.set.recordings.size()) > kMostRecordings) {
       return InvalidFields(
           {{"source.recordings.recordings",
-            absl::StrCat("have ", reduced->set.recordings.size(), " segments of ", kSegmentPx,
+            absl::StrCat("have ", reduced.set.recordings.size(), " segments of ", kSegmentPx,
                          " px along their lines, at most ", kMostRecordings)}});
     }
-    *description = std::move(reduced->set);
-    checked->images = std::move(reduced->raw_dn);
-    assumptions.insert(assumptions.end(), reduced->remarks.begin(), reduced->remarks.end());
-    for (std::string& note : StartFromImages(checked->images, &*description)) {
+    description = std::move(reduced.set);
+    checked->images = std::move(reduced.raw_dn);
+    assumptions.insert(assumptions.end(), reduced.remarks.begin(), reduced.remarks.end());
+    for (std::string& note : StartFromImages(checked->images, &description)) {
       assumptions.push_back(std::move(note));
     }
   }
-  RecordingCheck check = CheckRecordings(*description, checked->images, stop);
+  RecordingCheck check = CheckRecordings(description, checked->images, stop);
   if (check.narrow) {
-    assumptions.push_back(TakeNarrowNumbers(*check.narrow, &*description, &checked->images));
-    check = CheckRecordings(*description, checked->images, stop);
+    assumptions.push_back(TakeNarrowNumbers(*check.narrow, &description, &checked->images));
+    check = CheckRecordings(description, checked->images, stop);
   }
   const std::vector<std::string> left_out =
-      LeaveOutWithoutLine(check, &*description, &checked->images);
-  if (!left_out.empty()) check = CheckRecordings(*description, checked->images, stop);
-  if (status = CheckStop(stop); !status.ok()) return status;
+      LeaveOutWithoutLine(check, &description, &checked->images);
+  if (!left_out.empty()) check = CheckRecordings(description, checked->images, stop);
+  SIGHTLINE_RETURN_IF_ERROR(CheckStop(stop));
   if (!check.errors.empty()) return InvalidImages(files, check.errors);
   checked->warnings = assumptions;
   checked->warnings.insert(checked->warnings.end(), left_out.begin(), left_out.end());
   checked->warnings.insert(checked->warnings.end(), check.warnings.begin(), check.warnings.end());
-  checked->description = *std::move(description);
+  checked->description = std::move(description);
   return checked;
 }
 
@@ -208,34 +206,31 @@ DiagnosisServiceImpl::CheckPlate(const v1::RecordedSetSource& source, Missing mi
           absl::StrCat("is ", version, version == 2 ? " (images of a part)" : " (plates in poses)",
                        ", must be 1: laser lines on a flat plate")}});
   }
-  auto set = Check(source, missing, stop);
-  if (!set.ok()) return set.status();
-  return std::make_shared<const CheckedPlate>(*set);
+  SIGHTLINE_ASSIGN_OR_RETURN(auto set, Check(source, missing, stop));
+  return std::make_shared<const CheckedPlate>(set);
 }
 
 absl::StatusOr<std::shared_ptr<DiagnosisServiceImpl::CheckedScene>>
 DiagnosisServiceImpl::CheckScene(const v1::CreateDiagnosisRequest& request, const StopCheck& stop) {
-  auto set = Check(request.source(), Missing::kError, stop);
-  if (!set.ok()) return set.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto set, Check(request.source(), Missing::kError, stop));
   auto work = std::make_shared<CheckedScene>(
-      *std::move(set), absl::StrCat(p_.spool_folder, "/scene-", next_folder_++));
+      std::move(set), absl::StrCat(p_.spool_folder, "/scene-", next_folder_++));
   RecordedScene& scene = work->scene;
   absl::StatusOr<Inspection> inspection = absl::UnknownError("");
   if (request.has_inspection()) {
     inspection = ParsePartInspection(request.inspection(), "inspection");
   } else {
-    const auto described =
-        InspectionOfRecordings(request.source().recordings(), "source.recordings");
-    if (!described.ok()) return described.status();
-    inspection = ParsePartInspection(*described, "source.recordings.part");
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        const auto described,
+        InspectionOfRecordings(request.source().recordings(), "source.recordings"));
+    inspection = ParsePartInspection(described, "source.recordings.part");
   }
   if (!inspection.ok()) return inspection.status();
   scene.inspection = *std::move(inspection);
   if (!scene.inspection.effects.empty()) {
     return InvalidFields({{"inspection.effects", "is not empty: the null model has none"}});
   }
-  absl::Status status = work->assets.Add(request.assets(), "assets", p_.assets);
-  if (!status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(work->assets.Add(request.assets(), "assets", p_.assets));
   for (const std::string& file : AssetFiles(scene.inspection)) {
     if (work->assets.Has(file)) continue;
     return InvalidFields({{"assets", absl::StrCat("has no entry for ", file)}});
@@ -252,9 +247,8 @@ absl::StatusOr<v1::Diagnosis> DiagnosisServiceImpl::RunScene(CheckedScene& work,
                                                              const std::atomic<bool>& cancelled) {
   RecordedScene& scene = work.scene;
   const Inspection& inspection = scene.inspection;
-  auto part = LoadMeshAsset(inspection.part_file, inspection.part_unit, scene.assets);
-  if (!part.ok()) return part.status();
-  scene.part = *std::move(part);
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      scene.part, LoadMeshAsset(inspection.part_file, inspection.part_unit, scene.assets));
   const std::string& stated = scene.recordings.part->part_digest;
   const PartDigest digest = PartDigestOf(scene.part);
   const absl::StatusOr<PartDigest> recorded = ParsePartDigest(stated);
@@ -267,9 +261,7 @@ absl::StatusOr<v1::Diagnosis> DiagnosisServiceImpl::RunScene(CheckedScene& work,
         "it measures %.4g x %.4g x %.4g mm, its digest is %s, that of the recordings %s",
         inspection.part_file, size_mm.x(), size_mm.y(), size_mm.z(), digest.Text(), stated));
   }
-  auto obstacles = LoadObstacles(inspection, scene.assets);
-  if (!obstacles.ok()) return obstacles.status();
-  scene.obstacles = *std::move(obstacles);
+  SIGHTLINE_ASSIGN_OR_RETURN(scene.obstacles, LoadObstacles(inspection, scene.assets));
   settings.cancelled = &cancelled;
   return p_.functions.diagnose_scene(
       scene, settings,
@@ -286,15 +278,14 @@ absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreateJob(std::unique_ptr<JobRoom>
                          [warnings = std::move(warnings), work = std::move(work)](
                              const AnswerJobs::Progress& progress,
                              JobContext& context) -> absl::StatusOr<std::string> {
-                           auto answer = work(
-                               [&](double fraction, std::string_view what) {
-                                 return progress(fraction, std::string(what));
-                               },
-                               context.cancelled());
-                           if (!answer.ok()) return answer.status();
-                           for (const std::string& warning : warnings)
-                             answer->add_warnings(warning);
-                           return answer->SerializeAsString();
+                           SIGHTLINE_ASSIGN_OR_RETURN(
+                               auto answer, work(
+                                                [&](double fraction, std::string_view what) {
+                                                  return progress(fraction, std::string(what));
+                                                },
+                                                context.cancelled()));
+                           for (const std::string& warning : warnings) answer.add_warnings(warning);
+                           return answer.SerializeAsString();
                          });
 }
 
@@ -306,10 +297,9 @@ absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreatePlateDiagnosis(
                                     std::pair(!request.assets().empty(), "assets")}) {
     if (given) return InvalidFields({{name, "is for parts; these recordings are of a plate"}});
   }
-  absl::Status status = CheckEffects(request, kMostEffects, [](const std::string& id) {
+  SIGHTLINE_RETURN_IF_ERROR(CheckEffects(request, kMostEffects, [](const std::string& id) {
     return MakeActiveEffect(id, {}).status();
-  });
-  if (!status.ok()) return status;
+  }));
   auto work = CheckPlate(request.source(), Missing::kAssume, stop);
   if (!work.ok()) return work.status();
   return CreateJob(std::move(room), kDiagnose, request, (*work)->source->warnings,
@@ -351,17 +341,15 @@ absl::Status DiagnosisServiceImpl::Diagnosis(const std::string& peer,
                                              const v1::CreateDiagnosisRequest& request,
                                              v1::CreateDiagnosisResponse* response,
                                              const StopCheck& stop) {
-  auto admission = answers_.Admit(kDiagnose, peer, request);
-  if (!admission.ok()) return admission.status();
-  if (admission->known) {
-    *response->mutable_job() = *std::move(admission->known);
+  SIGHTLINE_ASSIGN_OR_RETURN(auto admission, answers_.Admit(kDiagnose, peer, request));
+  if (admission.known) {
+    *response->mutable_job() = *std::move(admission.known);
     return absl::OkStatus();
   }
-  auto job = request.source().recordings().format_version() == 2
-                 ? CreateSceneDiagnosis(std::move(admission->room), request, stop)
-                 : CreatePlateDiagnosis(std::move(admission->room), request, stop);
-  if (!job.ok()) return job.status();
-  *response->mutable_job() = *std::move(job);
+  SIGHTLINE_ASSIGN_OR_RETURN(*response->mutable_job(),
+                             request.source().recordings().format_version() == 2
+                                 ? CreateSceneDiagnosis(std::move(admission.room), request, stop)
+                                 : CreatePlateDiagnosis(std::move(admission.room), request, stop));
   return absl::OkStatus();
 }
 
@@ -370,10 +358,9 @@ absl::Status DiagnosisServiceImpl::Verification(const std::string& peer,
                                                 v1::CreateVerificationResponse* response,
                                                 const StopCheck& stop) {
   if (!p_.functions.verify) return absl::UnimplementedError("this worker does not verify");
-  auto admission = answers_.Admit(kVerify, peer, request);
-  if (!admission.ok()) return admission.status();
-  if (admission->known) {
-    *response->mutable_job() = *std::move(admission->known);
+  SIGHTLINE_ASSIGN_OR_RETURN(auto admission, answers_.Admit(kVerify, peer, request));
+  if (admission.known) {
+    *response->mutable_job() = *std::move(admission.known);
     return absl::OkStatus();
   }
   VerificationSettings settings;
@@ -381,13 +368,13 @@ absl::Status DiagnosisServiceImpl::Verification(const std::string& peer,
   settings.threads = p_.threads;
   auto work = CheckPlate(request.source(), Missing::kError, stop);
   if (!work.ok()) return work.status();
-  auto job = CreateJob(
-      std::move(admission->room), kVerify, request, (*work)->source->warnings,
-      [this, settings, work = *work](const DiagnosisProgress& progress, const std::atomic<bool>&) {
-        return p_.functions.verify(work->set, settings, progress);
-      });
-  if (!job.ok()) return job.status();
-  *response->mutable_job() = *std::move(job);
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      *response->mutable_job(),
+      CreateJob(std::move(admission.room), kVerify, request, (*work)->source->warnings,
+                [this, settings, work = *work](const DiagnosisProgress& progress,
+                                               const std::atomic<bool>&) {
+                  return p_.functions.verify(work->set, settings, progress);
+                }));
   return absl::OkStatus();
 }
 
@@ -404,9 +391,8 @@ grpc::Status DiagnosisServiceImpl::GetDiagnosis(grpc::ServerContext* context,
                                                 const v1::GetDiagnosisRequest* request,
                                                 v1::GetDiagnosisResponse* response) {
   return p_.calls->Run("GetDiagnosis", context, [&]() -> absl::Status {
-    const auto result = answers_.Result(request->job_id(), kDiagnose);
-    if (!result.ok()) return result.status();
-    response->mutable_diagnosis()->ParseFromString(**result);
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto result, answers_.Result(request->job_id(), kDiagnose));
+    response->mutable_diagnosis()->ParseFromString(*result);
     return absl::OkStatus();
   });
 }
@@ -424,9 +410,8 @@ grpc::Status DiagnosisServiceImpl::GetVerification(grpc::ServerContext* context,
                                                    const v1::GetVerificationRequest* request,
                                                    v1::GetVerificationResponse* response) {
   return p_.calls->Run("GetVerification", context, [&]() -> absl::Status {
-    const auto result = answers_.Result(request->job_id(), kVerify);
-    if (!result.ok()) return result.status();
-    response->mutable_verification()->ParseFromString(**result);
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto result, answers_.Result(request->job_id(), kVerify));
+    response->mutable_verification()->ParseFromString(*result);
     return absl::OkStatus();
   });
 }

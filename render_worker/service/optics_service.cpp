@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "core/status/status_macros.h"
 #include "proto/status/rpc_status.h"
 #include "render_worker/detectability/detectability_table.h"
 #include "render_worker/material/material.h"
@@ -58,37 +59,33 @@ grpc::Status OpticsServiceImpl::CreateOptics(grpc::ServerContext* context,
 absl::Status OpticsServiceImpl::Create(const std::string& peer,
                                        const v1::CreateOpticsRequest& request,
                                        v1::CreateOpticsResponse* response) {
-  auto admission = answers_.Admit(kOpticsJobKind, peer, request);
-  if (!admission.ok()) return admission.status();
-  if (admission->known) {
-    *response->mutable_job() = *std::move(admission->known);
+  SIGHTLINE_ASSIGN_OR_RETURN(auto admission, answers_.Admit(kOpticsJobKind, peer, request));
+  if (admission.known) {
+    *response->mutable_job() = *std::move(admission.known);
     return absl::OkStatus();
   }
   auto work =
       std::make_shared<OpticsWork>(absl::StrCat(p_.spool_folder, "/optics-input-", next_folder_++));
-  auto inspection = ParsePartInspection(request.inspection(), "inspection");
-  if (!inspection.ok()) return inspection.status();
-  work->inspection = *std::move(inspection);
-  auto effects = MakeEffects(work->inspection.effects);
-  if (!effects.ok()) return effects.status();
-  work->effects = *std::move(effects);
-  auto frames = ParsePartFrames(request.frames(), work->inspection, "frames");
-  if (!frames.ok()) return frames.status();
-  for (size_t i = 0; i < frames->size(); ++i) {
+  SIGHTLINE_ASSIGN_OR_RETURN(work->inspection,
+                             ParsePartInspection(request.inspection(), "inspection"));
+  SIGHTLINE_ASSIGN_OR_RETURN(work->effects, MakeEffects(work->inspection.effects));
+  SIGHTLINE_ASSIGN_OR_RETURN(auto frames,
+                             ParsePartFrames(request.frames(), work->inspection, "frames"));
+  for (size_t i = 0; i < frames.size(); ++i) {
     const v1::PartFrame& asked = request.frames(static_cast<int>(i));
-    PartFrameRequest frame = (*frames)[i];
+    PartFrameRequest frame = frames[i];
     frame.setting.reset();  // it is what is looked for
     work->task.frames.push_back({frame, asked.scan(), asked.frame()});
   }
   work->task.per_scan = request.per_scan();
   work->task.seed = request.has_seed() ? static_cast<uint64_t>(request.seed()) : 1;
-  if (absl::Status s = work->assets.Add(request.assets(), "assets", p_.assets); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(work->assets.Add(request.assets(), "assets", p_.assets));
   for (const std::string& file : AssetFiles(work->inspection)) {
     if (work->assets.Has(file)) continue;
     return InvalidFields({{"assets", absl::StrCat("has no entry for ", file)}});
   }
   auto job = answers_.Create(
-      kOpticsJobKind, request, std::move(admission->room),
+      kOpticsJobKind, request, std::move(admission.room),
       [this, work](const AnswerJobs::Progress& progress,
                    JobContext& context) -> absl::StatusOr<std::string> {
         auto scene = LoadPartScene(
@@ -115,9 +112,9 @@ grpc::Status OpticsServiceImpl::GetOptics(grpc::ServerContext* context,
                                           const v1::GetOpticsRequest* request,
                                           v1::GetOpticsResponse* response) {
   return p_.calls->Run("GetOptics", context, [&]() -> absl::Status {
-    const auto result = answers_.Result(request->job_id(), kOpticsJobKind);
-    if (!result.ok()) return result.status();
-    response->mutable_optics()->ParseFromString(**result);
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto result,
+                               answers_.Result(request->job_id(), kOpticsJobKind));
+    response->mutable_optics()->ParseFromString(*result);
     return absl::OkStatus();
   });
 }
@@ -132,20 +129,16 @@ grpc::Status OpticsServiceImpl::CreateDetectability(grpc::ServerContext* context
 absl::Status OpticsServiceImpl::CreateTable(const std::string& peer,
                                             const v1::CreateDetectabilityRequest& request,
                                             v1::CreateDetectabilityResponse* response) {
-  auto admission = answers_.Admit(kDetectabilityJobKind, peer, request);
-  if (!admission.ok()) return admission.status();
-  if (admission->known) {
-    *response->mutable_job() = *std::move(admission->known);
+  SIGHTLINE_ASSIGN_OR_RETURN(auto admission, answers_.Admit(kDetectabilityJobKind, peer, request));
+  if (admission.known) {
+    *response->mutable_job() = *std::move(admission.known);
     return absl::OkStatus();
   }
   auto work = std::make_shared<DetectabilityWork>(
       absl::StrCat(p_.spool_folder, "/detectability-input-", next_folder_++));
-  auto inspection = ParsePartInspection(request.inspection(), "inspection");
-  if (!inspection.ok()) return inspection.status();
-  work->inspection = *std::move(inspection);
-  auto effects = MakeEffects(work->inspection.effects);
-  if (!effects.ok()) return effects.status();
-  work->effects = *std::move(effects);
+  SIGHTLINE_ASSIGN_OR_RETURN(work->inspection,
+                             ParsePartInspection(request.inspection(), "inspection"));
+  SIGHTLINE_ASSIGN_OR_RETURN(work->effects, MakeEffects(work->inspection.effects));
   if (request.part_materials().empty() || request.part_materials_size() > kMostPartMaterials) {
     return InvalidFields(
         {{"part_materials", absl::StrCat("has ", request.part_materials_size(),
@@ -161,13 +154,13 @@ absl::Status OpticsServiceImpl::CreateTable(const std::string& peer,
     task.min_detected_fraction = work->inspection.detectability->min_detected_fraction;
   }
   task.seed = request.has_seed() ? static_cast<uint64_t>(request.seed()) : 1;
-  if (absl::Status s = work->assets.Add(request.assets(), "assets", p_.assets); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(work->assets.Add(request.assets(), "assets", p_.assets));
   for (const std::string& file : FilesOfMaterials(work->inspection)) {
     if (work->assets.Has(file)) continue;
     return InvalidFields({{"assets", absl::StrCat("has no entry for ", file)}});
   }
   auto job = answers_.Create(
-      kDetectabilityJobKind, request, std::move(admission->room),
+      kDetectabilityJobKind, request, std::move(admission.room),
       [this, work](const AnswerJobs::Progress& progress,
                    JobContext& context) -> absl::StatusOr<std::string> {
         DetectabilityHooks hooks;
@@ -192,9 +185,9 @@ grpc::Status OpticsServiceImpl::GetDetectability(grpc::ServerContext* context,
                                                  const v1::GetDetectabilityRequest* request,
                                                  v1::GetDetectabilityResponse* response) {
   return p_.calls->Run("GetDetectability", context, [&]() -> absl::Status {
-    const auto result = answers_.Result(request->job_id(), kDetectabilityJobKind);
-    if (!result.ok()) return result.status();
-    response->mutable_table()->ParseFromString(**result);
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto result,
+                               answers_.Result(request->job_id(), kDetectabilityJobKind));
+    response->mutable_table()->ParseFromString(*result);
     return absl::OkStatus();
   });
 }

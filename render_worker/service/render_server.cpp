@@ -13,6 +13,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/process_folder/process_folder.h"
+#include "core/status/status_macros.h"
 #include "render_worker/service/optics_service.h"
 #include "render_worker/service/render_service.h"
 #include "render_worker/service/sensor_service.h"
@@ -144,7 +145,7 @@ absl::StatusOr<std::unique_ptr<RenderServer>> RenderServer::Start(
   }
   auto server =
       std::make_unique<RenderServerImpl>(options, std::move(functions), *std::move(spool));
-  if (absl::Status status = server->Listen(options); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(server->Listen(options));
   return server;
 }
 

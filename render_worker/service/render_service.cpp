@@ -15,6 +15,7 @@
 #include "core/digest/sha256.h"
 #include "core/parallel/exception_status.h"
 #include "core/process/program_build.h"
+#include "core/status/status_macros.h"
 #include "proto/status/rpc_status.h"
 #include "render_worker/service/answer_jobs.h"
 #include "render_worker/service/asset_folder.h"
@@ -51,10 +52,9 @@ absl::Status RenderServiceImpl::Receive(grpc::ServerContext* context,
                                         grpc::ServerReader<v1::UploadAssetRequest>* reader,
                                         v1::UploadAssetResponse* response) {
   v1::UploadAssetRequest message;
-  const absl::StatusOr<bool> begun =
-      p_.calls->Read(context, [&] { return reader->Read(&message); });
-  if (!begun.ok()) return begun.status();
-  if (!*begun || !message.has_header()) {
+  SIGHTLINE_ASSIGN_OR_RETURN(const bool begun,
+                             p_.calls->Read(context, [&] { return reader->Read(&message); }));
+  if (!begun || !message.has_header()) {
     return InvalidFields({{"header", "must be the first message"}});
   }
   const v1::UploadAssetRequest::Header header = message.header();
@@ -70,18 +70,17 @@ absl::Status RenderServiceImpl::Receive(grpc::ServerContext* context,
                                                   p_.max_asset_bytes, " (--max-asset-bytes)")),
         "ASSET_TOO_LARGE", {{"max_asset_bytes", absl::StrCat(p_.max_asset_bytes)}});
   }
-  const absl::StatusOr<ReceivedFile> file =
-      ReceiveChunks(p_.calls, context, reader, header.size_bytes(), upload_memory_);
-  if (!file.ok()) return file.status();
-  if (const std::string digest = Sha256Hex(file->bytes);
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      const ReceivedFile file,
+      ReceiveChunks(p_.calls, context, reader, header.size_bytes(), upload_memory_));
+  if (const std::string digest = Sha256Hex(file.bytes);
       !header.asset_digest().empty() && digest != header.asset_digest()) {
     return InvalidFields(
         {{"header.asset_digest", absl::StrCat("is not that of the bytes, ", digest)}});
   }
-  absl::StatusOr<std::string> digest = p_.assets->Put(file->bytes);
-  if (!digest.ok()) return digest.status();
-  response->set_asset_digest(*digest);
-  spdlog::info("event=asset_uploaded asset={} bytes={} name={:?}", *digest, header.size_bytes(),
+  SIGHTLINE_ASSIGN_OR_RETURN(std::string digest, p_.assets->Put(file.bytes));
+  response->set_asset_digest(digest);
+  spdlog::info("event=asset_uploaded asset={} bytes={} name={:?}", digest, header.size_bytes(),
                name);
   return absl::OkStatus();
 }
@@ -106,13 +105,12 @@ absl::Status RenderServiceImpl::Create(const std::string& peer,
     *response->mutable_job() = *std::move(admission->known);
     return absl::OkStatus();
   }
-  auto task = RenderTask::Parse(request.spec(), p_.max_image_bytes);
-  if (!task.ok()) return task.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto task, RenderTask::Parse(request.spec(), p_.max_image_bytes));
   const int64_t number = next_folder_++;
   auto work = std::make_shared<RenderWork>(absl::StrCat(p_.spool_folder, "/render-input-", number));
-  work->task = *std::move(task);
-  absl::Status added = work->assets.Add(request.spec().part().assets(), "part.assets", p_.assets);
-  if (!added.ok()) return added;
+  work->task = std::move(task);
+  SIGHTLINE_RETURN_IF_ERROR(
+      work->assets.Add(request.spec().part().assets(), "part.assets", p_.assets));
   for (const std::string& file : work->task->AssetFiles()) {
     if (work->assets.Has(file)) continue;
     return InvalidFields({{"part.assets", absl::StrCat("has no entry for ", file)}});
@@ -217,7 +215,7 @@ absl::Status RenderServiceImpl::Stream(grpc::ServerContext* context,
     if (!job.ok()) return job.status();
     for (const std::string& warning : output->WarningsFrom(warnings)) {
       response.set_warning(warning);
-      if (absl::Status status = send(); !status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(send());
       ++warnings;
     }
     for (const RenderedFile& file : output->FilesFrom(sent)) {
@@ -225,15 +223,14 @@ absl::Status RenderServiceImpl::Stream(grpc::ServerContext* context,
       response.mutable_header()->set_size_bytes(file.size_bytes);
       response.mutable_header()->set_sha256(file.sha256);
       response.mutable_header()->set_image(file.image);
-      if (absl::Status status = send(); !status.ok()) return status;
-      absl::Status status =
-          SendChunks(p_.calls, context, writer, fs::path(output->folder()) / file.file, file.file,
-                     0, file.size_bytes, &response);
-      if (!status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(send());
+      SIGHTLINE_RETURN_IF_ERROR(SendChunks(p_.calls, context, writer,
+                                           fs::path(output->folder()) / file.file, file.file, 0,
+                                           file.size_bytes, &response));
       ++sent;
     }
     if (job->finished()) return job->error;
-    if (absl::Status stop = p_.calls->CheckStop(context); !stop.ok()) return stop;
+    SIGHTLINE_RETURN_IF_ERROR(p_.calls->CheckStop(context));
     if (p_.calls->draining()) {
       return WithErrorInfo(absl::UnavailableError("the server is shutting down"), "DRAINING");
     }

@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/recordings/load_images.h"
 #include "core/sensor/emva1288_data.h"
+#include "core/status/status_macros.h"
 #include "proto/status/rpc_status.h"
 #include "render_worker/sensor_diagnosis/diagnose_sensor.h"
 #include "render_worker/service/asset_folder.h"
@@ -29,18 +30,16 @@ struct SensorWork {
 absl::Status SensorServiceImpl::Create(const std::string& peer,
                                        const v1::CreateSensorDiagnosisRequest& request,
                                        v1::CreateSensorDiagnosisResponse* response) {
-  auto admission = answers_.Admit(kSensorJobKind, peer, request);
-  if (!admission.ok()) return admission.status();
-  if (admission->known) {
-    *response->mutable_job() = *std::move(admission->known);
+  SIGHTLINE_ASSIGN_OR_RETURN(auto admission, answers_.Admit(kSensorJobKind, peer, request));
+  if (admission.known) {
+    *response->mutable_job() = *std::move(admission.known);
     return absl::OkStatus();
   }
-  if (absl::Status status = CheckSensorSet(request.set(), "set"); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(CheckSensorSet(request.set(), "set"));
   auto work =
       std::make_shared<SensorWork>(absl::StrCat(p_.spool_folder, "/sensor-input-", next_folder_++));
   work->set = request.set();
-  absl::Status status = work->assets.Add(request.images(), "images", p_.assets);
-  if (!status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(work->assets.Add(request.images(), "images", p_.assets));
   for (int i = 0; i < work->set.steps_size(); ++i) {
     for (const std::string& file : work->set.steps(i).files()) {
       if (work->assets.Has(file)) continue;
@@ -49,13 +48,12 @@ absl::Status SensorServiceImpl::Create(const std::string& peer,
     }
   }
   auto job = answers_.Create(
-      kSensorJobKind, request, std::move(admission->room),
+      kSensorJobKind, request, std::move(admission.room),
       [work](const AnswerJobs::Progress& progress,
              JobContext& context) -> absl::StatusOr<std::string> {
         SensorDiagnosisHooks hooks;
         hooks.read_image = [&](const std::string& file) -> absl::StatusOr<Image<uint16_t>> {
-          const auto path = work->assets.Resolve(file);
-          if (!path.ok()) return path.status();
+          SIGHTLINE_ASSIGN_OR_RETURN(const auto path, work->assets.Resolve(file));
           const auto check_size = [&](int columns_px, int rows_px) {
             if (columns_px == work->set.columns_px() && rows_px == work->set.rows_px()) {
               return absl::OkStatus();
@@ -64,7 +62,7 @@ absl::Status SensorServiceImpl::Create(const std::string& peer,
                                                            " px, must be ", work->set.columns_px(),
                                                            " x ", work->set.rows_px(), " px"));
           };
-          return LoadRawImage(*path, work->set.bit_depth_bit(), check_size);
+          return LoadRawImage(path, work->set.bit_depth_bit(), check_size);
         };
         hooks.on_progress = [&](double fraction, std::string_view what) {
           progress(fraction, std::string(what));
@@ -90,9 +88,9 @@ grpc::Status SensorServiceImpl::GetSensorDiagnosis(grpc::ServerContext* context,
                                                    const v1::GetSensorDiagnosisRequest* request,
                                                    v1::GetSensorDiagnosisResponse* response) {
   return p_.calls->Run("GetSensorDiagnosis", context, [&]() -> absl::Status {
-    const auto result = answers_.Result(request->job_id(), kSensorJobKind);
-    if (!result.ok()) return result.status();
-    response->mutable_diagnosis()->ParseFromString(**result);
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto result,
+                               answers_.Result(request->job_id(), kSensorJobKind));
+    response->mutable_diagnosis()->ParseFromString(*result);
     return absl::OkStatus();
   });
 }

@@ -4,6 +4,7 @@
 #include <sys/stat.h>
 
 #include "absl/time/time.h"
+#include "core/status/status_macros.h"
 #include "render_worker/diagnosis/diagnose.h"
 #include "render_worker/scene_diagnosis/diagnose_scene.h"
 #include "render_worker/service/render_server.h"
@@ -53,10 +54,11 @@ int RenderWorkerMain(int argc, char** argv, const std::string& version) {
   };
   program.start = [&]() -> absl::StatusOr<std::unique_ptr<RunningServer>> {
     options.keep = absl::Hours(keep_hours);
-    auto server = RenderServer::Start(
-        options, {.diagnose = Diagnose, .verify = Verify, .diagnose_scene = DiagnoseScene});
-    if (!server.ok()) return server.status();
-    return std::unique_ptr<RunningServer>(*std::move(server));
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        auto server,
+        RenderServer::Start(
+            options, {.diagnose = Diagnose, .verify = Verify, .diagnose_scene = DiagnoseScene}));
+    return std::unique_ptr<RunningServer>(std::move(server));
   };
   return ServerMain(argc, argv, program, &options);
 }

@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/json/strict_json.h"
 #include "core/physics/constants.h"
+#include "core/status/status_macros.h"
 #include "core/text/number_text.h"
 #include "render_worker/spectrum/illuminants.h"
 
@@ -144,13 +145,12 @@ absl::StatusOr<Spectrum> ParseSourceSpectrum(const v1::SourceSpectrum& message,
     }
     case v1::SourceSpectrum::kTable: {
       const std::string field = absl::StrCat(context, ".table.points");
-      absl::StatusOr<Table> table = ParseTable(message.table().points(), field);
-      if (!table.ok()) return table.status();
-      if (table->value.size() < 2) {
+      SIGHTLINE_ASSIGN_OR_RETURN(Table table, ParseTable(message.table().points(), field));
+      if (table.value.size() < 2) {
         return absl::InvalidArgumentError(
-            absl::StrCat(field, " has ", table->value.size(), " points, must have at least 2"));
+            absl::StrCat(field, " has ", table.value.size(), " points, must have at least 2"));
       }
-      const std::array<double, kSpectralBins> bins = BinIntegrals(*table);
+      const std::array<double, kSpectralBins> bins = BinIntegrals(table);
       if (std::all_of(bins.begin(), bins.end(), [](double bin) { return bin <= 0; })) {
         return absl::InvalidArgumentError(
             absl::StrCat(field, " has no power between 360 and 830 nm"));
@@ -179,11 +179,10 @@ absl::StatusOr<Spectrum> ParseReflectanceSpectrum(
   Spectrum spectrum;
   spectrum.fill(1);
   if (points.empty()) return spectrum;
-  absl::StatusOr<Table> table = ParseTable(points, context);
-  if (!table.ok()) return table.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(Table table, ParseTable(points, context));
   for (int i = 0; i < kSpectralBins; ++i) {
     const double from = kSpectrumStart_m + i * kBinWidth_m;
-    spectrum[i] = static_cast<float>(table->Integral(from, from + kBinWidth_m) / kBinWidth_m);
+    spectrum[i] = static_cast<float>(table.Integral(from, from + kBinWidth_m) / kBinWidth_m);
   }
   return spectrum;
 }

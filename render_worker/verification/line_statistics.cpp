@@ -8,6 +8,7 @@
 
 #include "core/laser_line/detect_laser_line.h"
 #include "core/laser_line/ridge_score.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 std::vector<ColourChannel> ColourChannels(const Sensor& sensor) {
@@ -61,9 +62,10 @@ absl::StatusOr<LineScatter> DetectLineScatter(const Image<uint16_t>& raw_dn,
     options.min_ridge_score_dn = 6 * noise_dn * RidgeNoise(options.ridge_sigma_px);
     options.saturation_dn = sensor.largest_dn();
     options.background_dn = std::numeric_limits<double>::quiet_NaN();
-    const auto points = DetectLaserLine(values, options, LaserLineMethod::kStegerCentreOfGravity);
-    if (!points.ok()) return points.status();
-    for (const LinePoint& point : *points) {
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        const auto points,
+        DetectLaserLine(values, options, LaserLineMethod::kStegerCentreOfGravity));
+    for (const LinePoint& point : points) {
       rows.push_back(plane.first_row + plane.step * point.row_px);
     }
   }

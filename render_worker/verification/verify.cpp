@@ -15,6 +15,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/parallel/exception_status.h"
 #include "core/statistics/order_statistics.h"
+#include "core/status/status_macros.h"
 #include "render_worker/image_chain/form_image.h"
 #include "render_worker/image_file/grey_png.h"
 #include "render_worker/recordings/plate_frames.h"
@@ -65,12 +66,10 @@ absl::Status AddCrops(const Image<uint16_t>& recorded, const Image<uint16_t>& si
   const Sensor& sensor = frame.sensor;
   const double black_dn = DarkMeanDn(sensor);
   const double white_dn = std::max(Brightest(left), Brightest(right));
-  absl::StatusOr<std::string> left_png = ScaledPng(left, black_dn, white_dn);
-  if (!left_png.ok()) return left_png.status();
-  absl::StatusOr<std::string> right_png = ScaledPng(right, black_dn, white_dn);
-  if (!right_png.ok()) return right_png.status();
-  result->set_recorded_crop_png(*std::move(left_png));
-  result->set_simulated_crop_png(*std::move(right_png));
+  SIGHTLINE_ASSIGN_OR_RETURN(std::string left_png, ScaledPng(left, black_dn, white_dn));
+  SIGHTLINE_ASSIGN_OR_RETURN(std::string right_png, ScaledPng(right, black_dn, white_dn));
+  result->set_recorded_crop_png(std::move(left_png));
+  result->set_simulated_crop_png(std::move(right_png));
   return absl::OkStatus();
 }
 
@@ -89,22 +88,20 @@ absl::StatusOr<v1::ChannelVerification> CompareChannel(const Image<uint16_t>& re
   }
   if (real.Peak() > 0) result.set_e_i((real.Peak() - model.Peak()) / real.Peak());
 
-  const auto real_line = DetectLineScatter(recorded, channel, frame);
-  if (!real_line.ok()) return real_line.status();
-  const auto model_line = DetectLineScatter(simulated, channel, frame);
-  if (!model_line.ok()) return model_line.status();
-  result.set_recorded_found_fraction(real_line->found_fraction);
-  result.set_simulated_found_fraction(model_line->found_fraction);
-  if (real_line->found()) {
-    result.set_recorded_u_px(real_line->u_px);
-    result.set_recorded_u_h_m(HeightUncertainty(real_line->u_px, frame));
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto real_line, DetectLineScatter(recorded, channel, frame));
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto model_line, DetectLineScatter(simulated, channel, frame));
+  result.set_recorded_found_fraction(real_line.found_fraction);
+  result.set_simulated_found_fraction(model_line.found_fraction);
+  if (real_line.found()) {
+    result.set_recorded_u_px(real_line.u_px);
+    result.set_recorded_u_h_m(HeightUncertainty(real_line.u_px, frame));
   }
-  if (model_line->found()) {
-    result.set_simulated_u_px(model_line->u_px);
-    result.set_simulated_u_h_m(HeightUncertainty(model_line->u_px, frame));
+  if (model_line.found()) {
+    result.set_simulated_u_px(model_line.u_px);
+    result.set_simulated_u_h_m(HeightUncertainty(model_line.u_px, frame));
   }
-  if (real_line->found() && model_line->found() && real_line->u_px > 0) {
-    result.set_e_u((real_line->u_px - model_line->u_px) / real_line->u_px);
+  if (real_line.found() && model_line.found() && real_line.u_px > 0) {
+    result.set_e_u((real_line.u_px - model_line.u_px) / real_line.u_px);
   }
   return result;
 }
@@ -115,8 +112,7 @@ absl::StatusOr<v1::RecordingVerification> VerifyRecording(const RecordedSet& set
   options.seed = seed;
   const FrameSetup frame = PlateFrame(set.description, index, options);
   // Without effects nothing remains of the frame before, so the order of a burst does not matter.
-  const auto simulated = RenderPlateFrame(frame, {}, nullptr, 1);
-  if (!simulated.ok()) return simulated.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto simulated, RenderPlateFrame(frame, {}, nullptr, 1));
 
   const RecordedImage& image = set.description.recordings[index];
   const Image<uint16_t>& recorded = set.frames[index].raw_dn;
@@ -132,20 +128,19 @@ absl::StatusOr<v1::RecordingVerification> VerifyRecording(const RecordedSet& set
   int brightest = 0;
   double brightest_dn = 0, line_row_px = 0;
   for (size_t c = 0; c < channels.size(); ++c) {
-    auto compared = CompareChannel(recorded, simulated->raw_dn, channels[c], frame);
-    if (!compared.ok()) return compared.status();
-    const AverageProfile model = AverageAlongLine(simulated->raw_dn, channels[c]);
+    SIGHTLINE_ASSIGN_OR_RETURN(auto compared,
+                               CompareChannel(recorded, simulated.raw_dn, channels[c], frame));
+    const AverageProfile model = AverageAlongLine(simulated.raw_dn, channels[c]);
     if (model.Peak() > brightest_dn) {
       brightest = static_cast<int>(c);
       brightest_dn = model.Peak();
       line_row_px = model.row_px[std::max_element(model.mean_dn.begin(), model.mean_dn.end()) -
                                  model.mean_dn.begin()];
     }
-    *result.add_channels() = *std::move(compared);
+    *result.add_channels() = std::move(compared);
   }
-  absl::Status status =
-      AddCrops(recorded, simulated->raw_dn, channels[brightest], line_row_px, frame, &result);
-  if (!status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(
+      AddCrops(recorded, simulated.raw_dn, channels[brightest], line_row_px, frame, &result));
   return result;
 }
 

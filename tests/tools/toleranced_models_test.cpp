@@ -15,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/status/status_macros.h"
 #include "planner_client/requirements/feature_verdicts.h"
 #include "planner_client/requirements/requirements.h"
 #include "planner_client/tolerance_import/tolerance_import.h"
@@ -75,9 +76,8 @@ absl::StatusOr<Model> LoadModel(const fs::path& path) {
   ToleranceImportOptions options;
   const char* bin = std::getenv("SIGHTLINE_BIN_DIR");
   if (bin != nullptr) options.step_import_program = std::string(bin) + "/sightline_step_import";
-  auto imported = ImportTolerances(path.string(), options);
-  if (!imported.ok()) return imported.status();
-  Model model{*std::move(imported), {}, {}};
+  SIGHTLINE_ASSIGN_OR_RETURN(auto imported, ImportTolerances(path.string(), options));
+  Model model{std::move(imported), {}, {}};
   for (const FaceTriangles& face : model.imported.faces) {
     const auto first = static_cast<uint32_t>(model.mesh.positions_m.size());
     for (const Eigen::Vector3d& p : face.positions_m)
@@ -96,9 +96,9 @@ absl::StatusOr<std::vector<v1::FeatureVerdict>> Judge(const Model& model, double
   inspection.tolerances.emplace();
   inspection.tolerances->file = "model.stp";
   inspection.domain = ThesisDomain();
-  auto requirements =
-      MakeRequirements(inspection, model.mesh, model.imported.report, model.imported.faces);
-  if (!requirements.ok()) return requirements.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      auto requirements,
+      MakeRequirements(inspection, model.mesh, model.imported.report, model.imported.faces));
   PlanKnowledge knowledge;
   knowledge.targets = &model.targets;
   TargetBits measurable(model.targets.size());
@@ -110,7 +110,7 @@ absl::StatusOr<std::vector<v1::FeatureVerdict>> Judge(const Model& model, double
     knowledge.uncertainty.push_back({own_m, 0.8 * own_m, 0.6 * own_m, 0});
     knowledge.points.push_back(missing ? 0 : 10);
   }
-  return JudgeFeatures(inspection, *requirements, knowledge);
+  return JudgeFeatures(inspection, requirements, knowledge);
 }
 
 // A length as reasons print it: "12.3 um", "0.25 mm".

@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/conformance/measurands/measurands.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -30,16 +31,15 @@ absl::StatusOr<CharacteristicFit> FitAngle(const MotionFrame& frame, const Chara
   if (!cone && !planes) {
     return absl::UnimplementedError("angles are evaluated on a cone and between two planes only");
   }
-  auto stacked = EachByItself(frame, c.elements, nullptr);
-  if (!stacked.ok()) return stacked.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto stacked, EachByItself(frame, c.elements, nullptr));
   CharacteristicFit result;
   result.measurand = Measurand::kSize;
   result.fit.used = frame.used();
   result.fit.toleranced = TolerancedTargets(c);
-  result.fit.estimator = stacked->estimator;
+  result.fit.estimator = stacked.estimator;
   if (cone) {
     result.fit.functionals =
-        OpeningOfCone(frame, c.elements[0], *stacked, &result.reference_length_m);
+        OpeningOfCone(frame, c.elements[0], stacked, &result.reference_length_m);
     return result;
   }
   const Vector3d edge = c.elements[0].surface.axis.cross(c.elements[1].surface.axis);
@@ -51,10 +51,10 @@ absl::StatusOr<CharacteristicFit> FitAngle(const MotionFrame& frame, const Chara
   result.reference_length_m =
       std::min(ExtentAlong(frame, c.elements[0], c.elements[0].surface.axis.cross(d)),
                ExtentAlong(frame, c.elements[1], c.elements[1].surface.axis.cross(d)));
-  result.fit.functionals = Eigen::MatrixXd::Zero(1, stacked->estimator.rows());
+  result.fit.functionals = Eigen::MatrixXd::Zero(1, stacked.estimator.rows());
   const Eigen::RowVector3d arc = result.reference_length_m / frame.scale_m() * d.transpose();
-  result.fit.functionals.row(0).segment<3>(stacked->first_row[0] + 3) = arc;
-  result.fit.functionals.row(0).segment<3>(stacked->first_row[1] + 3) = -arc;
+  result.fit.functionals.row(0).segment<3>(stacked.first_row[0] + 3) = arc;
+  result.fit.functionals.row(0).segment<3>(stacked.first_row[1] + 3) = -arc;
   return result;
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "absl/strings/str_cat.h"
 #include "core/conformance/measurands/measurands.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -24,15 +25,14 @@ absl::StatusOr<CharacteristicFit> FitForm(const MotionFrame& frame, const Charac
                                                  SurfaceKindName(element.surface.kind),
                                                  ", on which this form is not evaluated"));
   }
-  auto stacked = EachByItself(frame, c.elements, nullptr);
-  if (!stacked.ok()) return stacked.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto stacked, EachByItself(frame, c.elements, nullptr));
   CharacteristicFit result;
   result.measurand = Measurand::kForm;
   result.zone = ZoneKind::kOneSided;
   FeatureFit& fit = result.fit;
   fit.used = frame.used();
   fit.toleranced = TolerancedTargets(c);
-  fit.estimator = stacked->estimator;
+  fit.estimator = stacked.estimator;
   fit.association = c.association;
   fit.design =
       Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(fit.toleranced.size()), fit.estimator.rows());
@@ -41,9 +41,9 @@ absl::StatusOr<CharacteristicFit> FitForm(const MotionFrame& frame, const Charac
     const FeatureElement& element = c.elements[e];
     const Eigen::MatrixXd sizes = SizeColumns(frame, element, element.targets);
     const auto count = static_cast<Eigen::Index>(element.targets.size());
-    fit.design.block(row, stacked->size_row(e), count, sizes.cols()) = sizes;
+    fit.design.block(row, stacked.size_row(e), count, sizes.cols()) = sizes;
     for (const int t : element.targets) {
-      fit.design.row(row++).segment<6>(stacked->first_row[e]) = frame.Deviation(element, t);
+      fit.design.row(row++).segment<6>(stacked.first_row[e]) = frame.Deviation(element, t);
       fit.surface_of.push_back(static_cast<int>(e));
     }
   }

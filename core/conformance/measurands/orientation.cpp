@@ -4,6 +4,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/conformance/measurands/measurands.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -48,26 +49,24 @@ absl::StatusOr<CharacteristicFit> FitOrientation(const MotionFrame& frame,
     return absl::UnimplementedError(
         absl::StrCat("it binds a ", SurfaceKindName(kind), ", which has no orientation"));
   }
-  auto datum = DatumMotion(frame, c, /*remaining_with_sizes=*/true);
-  if (!datum.ok()) return datum.status();
-  auto stacked = EachByItself(frame, c.elements, &*datum);
-  if (!stacked.ok()) return stacked.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto datum, DatumMotion(frame, c, /*remaining_with_sizes=*/true));
+  SIGHTLINE_ASSIGN_OR_RETURN(auto stacked, EachByItself(frame, c.elements, &datum));
   CharacteristicFit result;
   result.measurand = Measurand::kOrientation;
   result.zone = ZoneKind::kOneSided;
   result.fit.used = frame.used();
   result.fit.toleranced = TolerancedTargets(c);
-  result.fit.estimator = stacked->estimator;
+  result.fit.estimator = stacked.estimator;
   std::vector<Eigen::RowVectorXd> rows;
   for (size_t e = 0; e < c.elements.size(); ++e) {
     for (const TwistRow& fall : Falls(frame, c.elements[e])) {
       Eigen::RowVectorXd& row =
-          rows.emplace_back(Eigen::RowVectorXd::Zero(stacked->estimator.rows()));
-      row.segment<6>(stacked->first_row[e]) = fall;
+          rows.emplace_back(Eigen::RowVectorXd::Zero(stacked.estimator.rows()));
+      row.segment<6>(stacked.first_row[e]) = fall;
       row.tail<6>() -= fall;
     }
   }
-  result.fit.functionals = RowsToMatrix(rows, stacked->estimator.rows());
+  result.fit.functionals = RowsToMatrix(rows, stacked.estimator.rows());
   return result;
 }
 

@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/conformance/measurands/measurands.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -70,27 +71,25 @@ absl::StatusOr<CharacteristicFit> FitPosition(const MotionFrame& frame, const Ch
     if (element.surface.kind != SurfaceKind::kFreeform) continue;
     return absl::UnimplementedError("it binds a free-form surface, which has no axis or centre");
   }
-  auto datum = DatumMotion(frame, c, /*remaining_with_sizes=*/true);
-  if (!datum.ok()) return datum.status();
-  auto stacked = EachByItself(frame, c.elements, &*datum);
-  if (!stacked.ok()) return stacked.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto datum, DatumMotion(frame, c, /*remaining_with_sizes=*/true));
+  SIGHTLINE_ASSIGN_OR_RETURN(auto stacked, EachByItself(frame, c.elements, &datum));
   CharacteristicFit result;
   result.measurand = Measurand::kPosition;
   result.fit.used = frame.used();
   result.fit.toleranced = TolerancedTargets(c);
-  result.fit.estimator = stacked->estimator;
+  result.fit.estimator = stacked.estimator;
   std::vector<Eigen::RowVectorXd> rows;
   for (size_t e = 0; e < c.elements.size(); ++e) {
     for (const TwistRow& displacement : Displacements(frame, c.elements[e])) {
       Eigen::RowVectorXd& row =
-          rows.emplace_back(Eigen::RowVectorXd::Zero(stacked->estimator.rows()));
-      row.segment<6>(stacked->first_row[e]) = displacement;
+          rows.emplace_back(Eigen::RowVectorXd::Zero(stacked.estimator.rows()));
+      row.segment<6>(stacked.first_row[e]) = displacement;
       row.tail<6>() -= displacement;
       const double room = RoomOfSize(frame, c.elements[e], c.material);
-      if (room != 0) row(stacked->size_row(e)) = room;
+      if (room != 0) row(stacked.size_row(e)) = room;
     }
   }
-  result.fit.functionals = RowsToMatrix(rows, stacked->estimator.rows());
+  result.fit.functionals = RowsToMatrix(rows, stacked.estimator.rows());
   return result;
 }
 

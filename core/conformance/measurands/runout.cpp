@@ -4,6 +4,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/conformance/measurands/measurands.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -29,7 +30,7 @@ absl::StatusOr<CharacteristicFit> FitRunout(const MotionFrame& frame, const Char
   if (axis.isZero()) return absl::UnimplementedError("none of its datums has an axis");
   MotionEstimate datum = UnknownMotion(frame);
   for (const std::vector<FeatureElement>& group : c.datums) {
-    if (absl::Status s = FixRemaining(frame, group, true, datum); !s.ok()) return s;
+    SIGHTLINE_RETURN_IF_ERROR(FixRemaining(frame, group, true, datum));
   }
   const bool circular = c.kind == ToleranceKind::kCircularRunout;
   const Eigen::Index own = circular ? 2 : 1;

@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/conformance/measurands/measurands.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -75,9 +76,8 @@ absl::StatusOr<CharacteristicFit> FitSize(const MotionFrame& frame, const Charac
                                                  SurfaceKindName(c.elements.front().surface.kind),
                                                  "; a distance needs two surfaces"));
   }
-  auto stacked = EachByItself(frame, c.elements, nullptr);
-  if (!stacked.ok()) return stacked.status();
-  const Eigen::Index columns = stacked->estimator.rows();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto stacked, EachByItself(frame, c.elements, nullptr));
+  const Eigen::Index columns = stacked.estimator.rows();
   std::vector<Eigen::RowVectorXd> rows;
   std::vector<double> sizes_m;
   if (distance && !single_width) {
@@ -91,15 +91,14 @@ absl::StatusOr<CharacteristicFit> FitSize(const MotionFrame& frame, const Charac
       if (d.dot(apart_m) < 0) d = -d;
       sizes_m.push_back(d.dot(apart_m));
       Eigen::RowVectorXd& row = rows.emplace_back(Eigen::RowVectorXd::Zero(columns));
-      row.segment<6>(stacked->first_row[0]) =
-          -frame.Displacement(MiddleOf(frame, c.elements[0]), d);
-      row.segment<6>(stacked->first_row[e]) = frame.Displacement(MiddleOf(frame, c.elements[e]), d);
+      row.segment<6>(stacked.first_row[0]) = -frame.Displacement(MiddleOf(frame, c.elements[0]), d);
+      row.segment<6>(stacked.first_row[e]) = frame.Displacement(MiddleOf(frame, c.elements[e]), d);
     }
   } else {
     for (size_t e = 0; e < c.elements.size(); ++e) {
       // The first size of a torus is the tube's radius, which is the radius of a fillet.
       Eigen::RowVectorXd& row = rows.emplace_back(Eigen::RowVectorXd::Zero(columns));
-      row(stacked->size_row(e)) = (c.radius ? 1 : 2) * HalfSizePerColumn(frame, c.elements[e]);
+      row(stacked.size_row(e)) = (c.radius ? 1 : 2) * HalfSizePerColumn(frame, c.elements[e]);
       sizes_m.push_back(OwnSize(frame, c.elements[e], c.radius));
     }
   }
@@ -107,7 +106,7 @@ absl::StatusOr<CharacteristicFit> FitSize(const MotionFrame& frame, const Charac
   result.measurand = Measurand::kSize;
   result.fit.used = frame.used();
   result.fit.toleranced = TolerancedTargets(c);
-  result.fit.estimator = stacked->estimator;
+  result.fit.estimator = stacked.estimator;
   result.fit.functionals = RowsToMatrix(rows, columns);
   result.model_sizes_m = std::move(sizes_m);
   return result;

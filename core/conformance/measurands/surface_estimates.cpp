@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/conformance/measurands/measurands.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -35,10 +36,9 @@ absl::StatusOr<MotionEstimate> DatumMotion(const MotionFrame& frame, const Chara
   MotionEstimate motion = UnknownMotion(frame);
   if (c.exact_datum) return motion;
   for (const std::vector<FeatureElement>& datum : c.datums) {
-    if (absl::Status s = FixRemaining(frame, datum, true, motion); !s.ok()) return s;
+    SIGHTLINE_RETURN_IF_ERROR(FixRemaining(frame, datum, true, motion));
   }
-  absl::Status rest = FixRemaining(frame, c.elements, remaining_with_sizes, motion);
-  if (!rest.ok()) return rest;
+  SIGHTLINE_RETURN_IF_ERROR(FixRemaining(frame, c.elements, remaining_with_sizes, motion));
   return motion;
 }
 
@@ -50,7 +50,7 @@ absl::StatusOr<StackedEstimates> EachByItself(const MotionFrame& frame,
   Eigen::Index rows = 0;
   for (const FeatureElement& element : elements) {
     MotionEstimate own = UnknownMotion(frame);
-    if (absl::Status s = FixRemaining(frame, {&element, 1}, true, own); !s.ok()) return s;
+    SIGHTLINE_RETURN_IF_ERROR(FixRemaining(frame, {&element, 1}, true, own));
     if (own.fixed.cols() < FreedomsOf(element.surface.kind)) {
       return absl::FailedPreconditionError(
           absl::StrCat("its ", element.targets.size(), " targets do not determine the ",

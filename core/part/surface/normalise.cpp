@@ -14,6 +14,7 @@
 #include "absl/strings/str_format.h"
 #include "core/part/surface/sealing_faces.h"
 #include "core/part/surface/vertex_welder.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -90,7 +91,7 @@ absl::StatusOr<PartExtent> FindExtent(const Faces& faces, const StopCheck& stop)
   PartExtent extent;
   for (size_t t = 0; t < faces.triangles.size(); ++t) {
     if (t % kStepsPerStopCheck == 0) {
-      if (absl::Status status = CheckStop(stop); !status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(CheckStop(stop));
     }
     const Corners corners = faces.Of(t);
     const double largest_m = LargestCoordinate(corners);
@@ -163,7 +164,7 @@ absl::StatusOr<Pass> NormaliseOnce(const Faces& faces, const PartExtent& extent,
   std::vector<std::array<uint32_t, 3>> surface;
   for (size_t t = 0; t < count; ++t) {
     if (t % kStepsPerStopCheck == 0) {
-      if (absl::Status status = CheckStop(stop); !status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(CheckStop(stop));
     }
     if (!HasArea(faces.Of(t), tolerance_m)) continue;
     for (const uint32_t i : faces.triangles[t]) {
@@ -178,7 +179,7 @@ absl::StatusOr<Pass> NormaliseOnce(const Faces& faces, const PartExtent& extent,
   std::vector<size_t> thin_triangle;
   for (size_t t = 0; t < count; ++t) {
     if (t % kStepsPerStopCheck == 0) {
-      if (absl::Status status = CheckStop(stop); !status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(CheckStop(stop));
     }
     if (has_area[t] || LargestCoordinate(faces.Of(t)) > extent.largest_m + tolerance_m) continue;
     for (const uint32_t i : faces.triangles[t]) {
@@ -192,11 +193,10 @@ absl::StatusOr<Pass> NormaliseOnce(const Faces& faces, const PartExtent& extent,
     thin.push_back({v, EdgesItLiesOn(corners, tolerance_m)});
     thin_triangle.push_back(t);
   }
-  const absl::StatusOr<std::vector<bool>> seals = SealingFaces(surface, thin, stop);
-  if (!seals.ok()) return seals.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const std::vector<bool> seals, SealingFaces(surface, thin, stop));
   std::vector<bool> kept = has_area;
   for (size_t i = 0; i < thin.size(); ++i) {
-    if ((*seals)[i]) kept[thin_triangle[i]] = true;
+    if (seals[i]) kept[thin_triangle[i]] = true;
   }
 
   Pass pass;
@@ -243,17 +243,15 @@ absl::StatusOr<TriangleMesh> NormaliseMesh(const RawMesh& raw, double metres_per
   // Welding may flatten a face and thereby lower the tolerance: repeat until nothing changes.
   TriangleMesh mesh;
   for (int i = 0; i < kMostPasses; ++i) {
-    const absl::StatusOr<PartExtent> extent = FindExtent(faces, stop);
-    if (!extent.ok()) return extent.status();
-    if (absl::Status status = CheckExtent(*extent, unit_advice); !status.ok()) return status;
-    absl::StatusOr<Pass> pass = NormaliseOnce(faces, *extent, stop);
-    if (!pass.ok()) return pass.status();
-    const bool same = pass->mesh.positions_m.size() == faces.positions_m.size() &&
-                      pass->mesh.triangles.size() == faces.triangles.size();
-    for (size_t t = 0; t < pass->kept.size(); ++t) pass->kept[t] = origin[pass->kept[t]];
-    origin = std::move(pass->kept);
-    mesh = std::move(pass->mesh);
-    if (pass->all_have_area || (same && i > 0)) break;
+    SIGHTLINE_ASSIGN_OR_RETURN(const PartExtent extent, FindExtent(faces, stop));
+    SIGHTLINE_RETURN_IF_ERROR(CheckExtent(extent, unit_advice));
+    SIGHTLINE_ASSIGN_OR_RETURN(Pass pass, NormaliseOnce(faces, extent, stop));
+    const bool same = pass.mesh.positions_m.size() == faces.positions_m.size() &&
+                      pass.mesh.triangles.size() == faces.triangles.size();
+    for (size_t t = 0; t < pass.kept.size(); ++t) pass.kept[t] = origin[pass.kept[t]];
+    origin = std::move(pass.kept);
+    mesh = std::move(pass.mesh);
+    if (pass.all_have_area || (same && i > 0)) break;
     faces.triangles = mesh.triangles;
     faces.positions_m.clear();
     for (const Eigen::Vector3f& p : mesh.positions_m) faces.positions_m.push_back(p.cast<double>());

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "core/part/mesh_readers.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -56,7 +57,7 @@ absl::StatusOr<std::vector<bool>> SealingFaces(std::span<const std::array<uint32
     return ++steps % kStepsPerStopCheck == 0 ? CheckStop(stop) : absl::OkStatus();
   };
   for (const auto& triangle : surface) {
-    if (absl::Status status = add(triangle, false); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(add(triangle, false));
   }
   for (size_t i = 0; i < thin.size(); ++i) open.push_back(i);
   for (size_t next = 0; next < open.size(); ++next) {
@@ -67,7 +68,7 @@ absl::StatusOr<std::vector<bool>> SealingFaces(std::span<const std::array<uint32
                   triangles_at[first_entry(UndirectedEdge(thin[i].corners, k))] == 1;
     }
     if (!chosen[i]) continue;
-    if (absl::Status status = add(thin[i].corners, true); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(add(thin[i].corners, true));
   }
   return chosen;
 }

@@ -12,6 +12,7 @@
 #include "absl/strings/str_format.h"
 #include "core/recordings/posed_plates.h"
 #include "core/statistics/order_statistics.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -100,8 +101,8 @@ class Reduction {
       : posed_(posed), raw_(raw_dn) {}
 
   absl::StatusOr<ReducedPlates> Run() {
-    if (absl::Status s = FindLines(); !s.ok()) return s;
-    if (absl::Status s = CheckFocalLength(); !s.ok()) return s;
+    SIGHTLINE_RETURN_IF_ERROR(FindLines());
+    SIGHTLINE_RETURN_IF_ERROR(CheckFocalLength());
     result_.set = posed_;
     result_.set.format_version = 1;
     result_.set.recordings.clear();

@@ -17,6 +17,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/strip.h"
+#include "core/status/status_macros.h"
 #include "core/text/number.h"
 #include "core/tolerance/qif/qif_features.h"
 #include "core/tolerance/qif/qif_units.h"
@@ -655,12 +656,10 @@ class QifReader {
 
 absl::StatusOr<ToleranceReport> ReadQif(const std::string& file, const std::string& schema_folder,
                                         const std::string& length_unit) {
-  const auto root = ReadQifXml(file, schema_folder, kKept);
-  if (!root.ok()) return root.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto root, ReadQifXml(file, schema_folder, kKept));
   try {
-    auto units = QifUnits::Read(*root, file, length_unit);
-    if (!units.ok()) return units.status();
-    ToleranceReport report = QifReader(*root, file, *std::move(units)).Read();
+    SIGHTLINE_ASSIGN_OR_RETURN(auto units, QifUnits::Read(root, file, length_unit));
+    ToleranceReport report = QifReader(root, file, std::move(units)).Read();
     report.notes.push_back(
         schema_folder.empty()
             ? "checked: XML, namespace, version and the structure of what is read; not validated "

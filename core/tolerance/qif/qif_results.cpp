@@ -9,6 +9,7 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/strip.h"
+#include "core/status/status_macros.h"
 #include "core/text/number.h"
 #include "core/tolerance/qif/qif_units.h"
 #include "core/tolerance/qif/qif_xml.h"
@@ -138,12 +139,10 @@ class ResultsReader {
 absl::StatusOr<std::vector<QifMeasurementResults>> ReadQifResults(const std::string& file,
                                                                   const std::string& schema_folder,
                                                                   const std::string& length_unit) {
-  const auto root = ReadQifXml(file, schema_folder, kKeptOfResults);
-  if (!root.ok()) return root.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto root, ReadQifXml(file, schema_folder, kKeptOfResults));
   try {
-    auto units = QifUnits::Read(*root, file, length_unit);
-    if (!units.ok()) return units.status();
-    return ResultsReader(*root, file, *std::move(units)).Read();
+    SIGHTLINE_ASSIGN_OR_RETURN(auto units, QifUnits::Read(root, file, length_unit));
+    return ResultsReader(root, file, std::move(units)).Read();
   } catch (const BrokenResults& broken) {
     return broken.status;
   } catch (const QifRepeated& repeated) {

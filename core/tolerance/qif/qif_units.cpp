@@ -11,6 +11,7 @@
 #include "absl/strings/cord.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "core/status/status_macros.h"
 #include "core/text/number.h"
 
 namespace sightline {
@@ -147,8 +148,7 @@ absl::StatusOr<QifUnits> QifUnits::Read(const QifElement& document, const std::s
         const auto [first, is_new] = lines.emplace(unit.name, unit.line);
         if (!is_new) throw QifRepeated{list->name, unit.name, first->second, unit.line};
       }
-      absl::Status added = units.Add(unit, !linear, primary);
-      if (!added.ok()) return added;
+      SIGHTLINE_RETURN_IF_ERROR(units.Add(unit, !linear, primary));
     }
   }
   const auto& primary = units.primary_linear_;

@@ -28,6 +28,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/strip.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -293,13 +294,11 @@ absl::StatusOr<QifElement> ReadQifXml(const std::string& file, const std::string
   if (error || bytes > kMaxBytes) {
     return absl::InvalidArgumentError(file + ": larger than 1 GiB; cannot be read");
   }
-  if (absl::Status status = RefuseNul(file); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(RefuseNul(file));
   std::optional<fs::path> schema;
   fs::path real_schema_folder;
   if (!schema_folder.empty()) {
-    const auto found = SchemaFile(schema_folder);
-    if (!found.ok()) return found.status();
-    schema = *found;
+    SIGHTLINE_ASSIGN_OR_RETURN(schema, SchemaFile(schema_folder));
     real_schema_folder = fs::canonical(schema_folder);
   }
   InitialiseXerces();

@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/file/atomic_write.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 
@@ -20,7 +21,7 @@ absl::Status MakeOutputFolder(const std::string& path) {
 }
 
 absl::StatusOr<FileLock> OpenOutputFolder(const std::string& path, FileLock::Kind kind) {
-  if (absl::Status made = MakeOutputFolder(path); !made.ok()) return made;
+  SIGHTLINE_RETURN_IF_ERROR(MakeOutputFolder(path));
   absl::StatusOr<FileLock> lock = FileLock::TakeFolder(path, kind);
   if (absl::IsFailedPrecondition(lock.status())) {
     return absl::FailedPreconditionError(

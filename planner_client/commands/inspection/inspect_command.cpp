@@ -15,6 +15,7 @@
 #include "core/json/strict_json.h"
 #include "core/part/load_part.h"
 #include "core/part/part_digest.h"
+#include "core/status/status_macros.h"
 #include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/command_line/process/interrupt.h"
 #include "planner_client/command_line/process/output_folder.h"
@@ -59,16 +60,13 @@ struct InspectedPart {
 
 absl::StatusOr<InspectedPart> ReadInspectedPart(InspectOptions& options) {
   InspectedPart asked;
-  auto plan = ReadPlanScans(options.plan_file, &options.plans);
-  if (!plan.ok()) return plan.status();
-  asked.plan = std::move(plan->plan);
-  asked.earlier.scans = std::move(plan->all);
-  auto files = AssignScans(options.measured.files, static_cast<int>(asked.earlier.scans.size()));
-  if (!files.ok()) return files.status();
-  asked.earlier.files = *std::move(files);
-  auto inspection = ReadInspectionWithFiles(options.inspection_file);
-  if (!inspection.ok()) return inspection.status();
-  asked.inspection = *std::move(inspection);
+  SIGHTLINE_ASSIGN_OR_RETURN(auto plan, ReadPlanScans(options.plan_file, &options.plans));
+  asked.plan = std::move(plan.plan);
+  asked.earlier.scans = std::move(plan.all);
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      asked.earlier.files,
+      AssignScans(options.measured.files, static_cast<int>(asked.earlier.scans.size())));
+  SIGHTLINE_ASSIGN_OR_RETURN(asked.inspection, ReadInspectionWithFiles(options.inspection_file));
   if (!asked.inspection.tolerances || !asked.inspection.uncertainty) {
     return absl::InvalidArgumentError(absl::StrCat(
         options.inspection_file, ": has no ",
@@ -77,19 +75,16 @@ absl::StatusOr<InspectedPart> ReadInspectedPart(InspectOptions& options) {
   }
   PartFileOptions part_options;
   part_options.construction_geometry = asked.inspection.part_construction_geometry;
-  auto part = LoadPartFile(asked.inspection.part_file, asked.inspection.part_unit, part_options);
-  if (!part.ok()) return part.status();
-  asked.digest = PartDigestOf(*part);
-  auto remarks = options.plans.CheckBelongTo(asked.digest, asked.inspection.part_file);
-  if (!remarks.ok()) return remarks.status();
-  asked.warnings = *std::move(remarks);
-  asked.mesh = std::make_shared<const TriangleMesh>(*std::move(part));
+  SIGHTLINE_ASSIGN_OR_RETURN(auto part, LoadPartFile(asked.inspection.part_file,
+                                                     asked.inspection.part_unit, part_options));
+  asked.digest = PartDigestOf(part);
+  SIGHTLINE_ASSIGN_OR_RETURN(asked.warnings,
+                             options.plans.CheckBelongTo(asked.digest, asked.inspection.part_file));
+  asked.mesh = std::make_shared<const TriangleMesh>(std::move(part));
   DeriveLimits(&asked.inspection);
-  const auto held = HoldPart(*asked.mesh, &asked.inspection);
-  if (!held.ok()) return held.status();
-  auto requirements = ReadRequirements(asked.inspection, *asked.mesh);
-  if (!requirements.ok()) return requirements.status();
-  asked.requirements = **std::move(requirements);
+  SIGHTLINE_RETURN_IF_ERROR(HoldPart(*asked.mesh, &asked.inspection).status());
+  SIGHTLINE_ASSIGN_OR_RETURN(auto requirements, ReadRequirements(asked.inspection, *asked.mesh));
+  asked.requirements = *std::move(requirements);
   if (asked.requirements.features.empty()) {
     return absl::InvalidArgumentError(absl::StrCat(
         options.inspection_file,
@@ -195,17 +190,17 @@ absl::Status WriteInspection(const InspectOptions& options, const InspectedPart&
   const auto write = [&](const char* name, const std::string& text) {
     return WriteFileAtomically((out / name).string(), text);
   };
-  if (absl::Status s = write("measured.json", ToJson(result) + "\n"); !s.ok()) return s;
-  if (absl::Status s = write("measured.csv", MeasuredCsv(result)); !s.ok()) return s;
-  const auto qif = QifDocument(PlanOfFeatures(asked.plan, result),
-                               fs::path(asked.inspection.part_file).filename().string(),
-                               asked.requirements.tolerances, &result);
-  if (!qif.ok()) return qif.status();
-  if (absl::Status s = write("results.qif", *qif); !s.ok()) return s;
-  const auto report = InspectionReport(result, DeviationsToShow(surface, asked.requirements));
-  if (!report.ok()) return report.status();
-  if (absl::Status s = WriteReport(*report, (out / "report.html").string()); !s.ok()) return s;
-  if (absl::Status s = WriteNextPlan(asked, result, out); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(write("measured.json", ToJson(result) + "\n"));
+  SIGHTLINE_RETURN_IF_ERROR(write("measured.csv", MeasuredCsv(result)));
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto qif,
+                             QifDocument(PlanOfFeatures(asked.plan, result),
+                                         fs::path(asked.inspection.part_file).filename().string(),
+                                         asked.requirements.tolerances, &result));
+  SIGHTLINE_RETURN_IF_ERROR(write("results.qif", qif));
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      const auto report, InspectionReport(result, DeviationsToShow(surface, asked.requirements)));
+  SIGHTLINE_RETURN_IF_ERROR(WriteReport(report, (out / "report.html").string()));
+  SIGHTLINE_RETURN_IF_ERROR(WriteNextPlan(asked, result, out));
   return WriteOutliers(part, out);
 }
 
@@ -263,38 +258,33 @@ int ExitCodeOf(const InspectOptions& options, const v1::InspectionResult& result
 }
 
 absl::StatusOr<int> Inspect(InspectOptions& options) {
-  auto asked = ReadInspectedPart(options);
-  if (!asked.ok()) return asked.status();
-  const auto finding = PartOptionsOf(options.measured);
-  if (!finding.ok()) return finding.status();
-  const auto out_lock = OpenOutputFolder(options.out);
-  if (!out_lock.ok()) return out_lock.status();
-  auto found = FindMeasuredPart(*asked->mesh, asked->inspection, asked->earlier.files,
-                                asked->earlier.scans, *finding);
-  if (!found.ok()) return found.status();
-  const auto part = std::make_shared<const MeasuredPart>(*std::move(found));
+  SIGHTLINE_ASSIGN_OR_RETURN(auto asked, ReadInspectedPart(options));
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto finding, PartOptionsOf(options.measured));
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto out_lock, OpenOutputFolder(options.out));
+  SIGHTLINE_ASSIGN_OR_RETURN(auto found,
+                             FindMeasuredPart(*asked.mesh, asked.inspection, asked.earlier.files,
+                                              asked.earlier.scans, finding));
+  const auto part = std::make_shared<const MeasuredPart>(std::move(found));
   PrintPointCounts(*part);
-  const auto surface = EstimateSurface(*asked->mesh, asked->inspection, *part);
-  if (!surface.ok()) return surface.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto surface,
+                             EstimateSurface(*asked.mesh, asked.inspection, *part));
   JudgedInspection judged =
-      JudgeMeasured(asked->inspection, asked->requirements, *part, asked->earlier.scans, *surface);
+      JudgeMeasured(asked.inspection, asked.requirements, *part, asked.earlier.scans, surface);
   v1::InspectionResult& result = judged.result;
   result.set_sightline_version(SIGHTLINE_VERSION);
-  result.set_inspection_name(asked->inspection.name);
-  result.set_part_digest(asked->digest.Text());
-  for (const std::string& warning : asked->warnings) result.add_warnings(warning);
-  WarnOfMissingScans(asked->earlier, result);
+  result.set_inspection_name(asked.inspection.name);
+  result.set_part_digest(asked.digest.Text());
+  for (const std::string& warning : asked.warnings) result.add_warnings(warning);
+  WarnOfMissingScans(asked.earlier, result);
   if (options.next_scan && Has(result, v1::InspectedFeature::UNDECIDED)) {
-    auto next = FindNextScan(options.next, asked->earlier, part, judged);
-    if (!next.ok()) return next.status();
-    if (*next) {
-      *result.mutable_next_scan() = **next;
+    SIGHTLINE_ASSIGN_OR_RETURN(auto next, FindNextScan(options.next, asked.earlier, part, judged));
+    if (next) {
+      *result.mutable_next_scan() = *next;
     } else {
       result.add_warnings("No further scan of this rig adds to what is undecided.");
     }
   }
-  absl::Status written = WriteInspection(options, *asked, *part, *surface, result);
-  if (!written.ok()) return written;
+  SIGHTLINE_RETURN_IF_ERROR(WriteInspection(options, asked, *part, surface, result));
   PrintInspection(options, result);
   return InterruptFlag() ? kExitInterrupted : ExitCodeOf(options, result);
 }

@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/inspection/inspection.h"
+#include "core/status/status_macros.h"
 #include "planner_client/command_line/process/interrupt.h"
 #include "planner_client/command_line/process/progress_line.h"
 #include "planner_client/replanning/measured_gain_model.h"
@@ -51,11 +52,10 @@ absl::StatusOr<std::optional<v1::NextScan>> FindNextScan(const NextScanQuestion&
   options.before_upload = [part](PlanningSession& session, CoverageTask& task) {
     return PutFoundPart(part, session, task);
   };
-  auto session = OpenSession(options);
-  if (!session.ok()) return session.status();
-  CoverageClient& client = *session->client;
-  const Inspection& inspection = session->inspection;
-  const double relaxed_m = session->requirements->relaxed_uncertainty_m;
+  SIGHTLINE_ASSIGN_OR_RETURN(auto session, OpenSession(options));
+  CoverageClient& client = *session.client;
+  const Inspection& inspection = session.inspection;
+  const double relaxed_m = session.requirements->relaxed_uncertainty_m;
   if (client.targets().size() != judged.needed_uncertainty_m.size()) {
     return absl::InternalError(absl::StrCat("the server has ", client.targets().size(),
                                             " targets of the part, the verdict ",
@@ -68,23 +68,21 @@ absl::StatusOr<std::optional<v1::NextScan>> FindNextScan(const NextScanQuestion&
       UncertaintyGainModel::Sampling{&client, needed}, UncertaintyGainModel::Sampling{nullptr, {}},
       *inspection.uncertainty, inspection.goal.gain, relaxed_m);
   MeasuredGainModel gain_model(std::move(simulated), earlier.Measured(),
-                               MeasuredTargetsOf(*session, client, needed), std::nullopt,
-                               relaxed_m);
+                               MeasuredTargetsOf(session, client, needed), std::nullopt, relaxed_m);
   ProgressLine progress(kSearchPhase);
-  PlannerRequest request = RequestOf(*session, earlier, question);
+  PlannerRequest request = RequestOf(session, earlier, question);
   request.on_progress = [&progress](const PlanProgress& p) { progress.Show(p.done, p.phase); };
   auto plan = MakePlan(gain_model, request);
   progress.Finish();
   if (!plan.ok()) return plan.status();
   if (plan->scans.size() <= request.locked.size()) return std::nullopt;
-  const auto score = gain_model.ScorePlan(request.locked, true);
-  if (!score.ok()) return score.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto score, gain_model.ScorePlan(request.locked, true));
   // The search adds a scan even if none helps.
-  if (plan->score.satisfied <= score->satisfied) return std::nullopt;
+  if (plan->score.satisfied <= score.satisfied) return std::nullopt;
   v1::NextScan next;
   *next.mutable_measurement() = MeasurementToProto(plan->scans.back().measurement);
-  next.set_open_targets(needed.bits.Count() - score->satisfied);
-  next.set_settled_targets(plan->score.satisfied - score->satisfied);
+  next.set_open_targets(needed.bits.Count() - score.satisfied);
+  next.set_settled_targets(plan->score.satisfied - score.satisfied);
   for (const v1::InspectedFeature& feature : judged.result.features()) {
     if (feature.decision() == v1::InspectedFeature::UNDECIDED) next.add_features(feature.name());
   }

@@ -12,6 +12,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "core/inspection/optics_planning.h"
+#include "core/status/status_macros.h"
 #include "planner_client/optics_client/optics_client.h"
 
 namespace sightline {
@@ -112,10 +113,9 @@ absl::StatusOr<DeviceCandidates> FindDevices(const std::string& folder,
                                              const Inspection& inspection,
                                              const v1::CreateOpticsRequest& request,
                                              const DeviceRequirements& requirements) {
-  auto catalogue = ReadCatalogue(folder);
-  if (!catalogue.ok()) return catalogue.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto catalogue, ReadCatalogue(folder));
   const size_t combinations =
-      catalogue->cameras.size() * catalogue->lenses.size() * catalogue->lasers.size();
+      catalogue.cameras.size() * catalogue.lenses.size() * catalogue.lasers.size();
   if (combinations > kMostCombinations) {
     return absl::InvalidArgumentError(absl::StrCat(
         folder, ": has ", combinations, " combinations of devices, at most ", kMostCombinations));
@@ -134,9 +134,9 @@ absl::StatusOr<DeviceCandidates> FindDevices(const std::string& folder,
 
   DeviceCandidates candidates;
   std::map<std::string, int> failed_by;
-  for (const DeviceCamera& camera : catalogue->cameras) {
-    for (const DeviceLens& lens : catalogue->lenses) {
-      for (const DeviceLaser& laser : catalogue->lasers) {
+  for (const DeviceCamera& camera : catalogue.cameras) {
+    for (const DeviceLens& lens : catalogue.lenses) {
+      for (const DeviceLaser& laser : catalogue.lasers) {
         DeviceCandidates::Candidate candidate;
         v1::DeviceCombination& c = candidate.combination;
         c.set_camera(camera.sensor.name);

@@ -13,6 +13,7 @@
 #include "core/file/atomic_write.h"
 #include "core/inspection/inspection.h"
 #include "core/json/strict_json.h"
+#include "core/status/status_macros.h"
 #include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/command_line/process/output_folder.h"
 #include "planner_client/command_line/process/print.h"
@@ -85,37 +86,31 @@ void Print(const v1::OpticsPlan& optics) {
 
 absl::StatusOr<int> Optics(const OpticsOptions& options) {
   const std::string& input = options.choice.input;
-  auto made_request = MakeOpticsRequest(options.choice);
-  if (!made_request.ok()) return made_request.status();
-  const Inspection& inspection = made_request->inspection;
-  v1::CreateOpticsRequest& request = made_request->request;
+  SIGHTLINE_ASSIGN_OR_RETURN(auto made_request, MakeOpticsRequest(options.choice));
+  const Inspection& inspection = made_request.inspection;
+  v1::CreateOpticsRequest& request = made_request.request;
   if (options.seed) request.set_seed(*options.seed);
   request.set_per_scan(!options.common);
   std::optional<VerifiedCorrection> correction;
   if (!options.verification.empty()) {
     v1::Verification verification;
-    absl::Status s = ReadStrictJsonFile(options.verification, &verification);
-    if (!s.ok()) return s;
-    auto made = MakeCorrection(verification, DetectedChannel(inspection), options.verification);
-    if (!made.ok()) return made.status();
-    correction = *std::move(made);
+    SIGHTLINE_RETURN_IF_ERROR(ReadStrictJsonFile(options.verification, &verification));
+    SIGHTLINE_ASSIGN_OR_RETURN(correction, MakeCorrection(verification, DetectedChannel(inspection),
+                                                          options.verification));
   }
   std::optional<DeviceCandidates> candidates;
   if (!options.catalogue.empty()) {
-    auto found = FindDevices(options.catalogue, inspection, request, options.devices);
-    if (!found.ok()) return found.status();
-    candidates = *std::move(found);
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        candidates, FindDevices(options.catalogue, inspection, request, options.devices));
   }
-  const auto out_lock = OpenOutputFolder(options.choice.out);
-  if (!out_lock.ok()) return out_lock.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto out_lock, OpenOutputFolder(options.choice.out));
 
   ProgressLine progress;
   WorkerClientOptions client;
-  auto worker = StartWorkerSession(options.worker, &progress, &client);
-  if (!worker.ok()) return worker.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto worker, StartWorkerSession(options.worker, &progress, &client));
   std::optional<v1::DeviceChoice> devices;
   if (candidates) {
-    auto chosen = ChooseDevices(*candidates, client, request, made_request->assets);
+    auto chosen = ChooseDevices(*candidates, client, request, made_request.assets);
     if (!chosen.ok()) {
       progress.Finish();
       return AboutInput(chosen.status(), input);
@@ -123,11 +118,11 @@ absl::StatusOr<int> Optics(const OpticsOptions& options) {
     devices = chosen->choice;
     *request.mutable_inspection() = chosen->inspection;
   }
-  auto optics = PlanOptics(client, request, made_request->assets);
+  auto optics = PlanOptics(client, request, made_request.assets);
   progress.Finish();
   if (!optics.ok()) return AboutInput(optics.status(), input);
   optics->set_sightline_version(SIGHTLINE_VERSION);
-  PutWarningsFirst(made_request->remarks, &*optics);
+  PutWarningsFirst(made_request.remarks, &*optics);
   if (correction) ApplyCorrection(*correction, &*optics);
 
   Print(*optics);
@@ -137,25 +132,23 @@ absl::StatusOr<int> Optics(const OpticsOptions& options) {
   const fs::path out = options.choice.out;
   std::vector<std::string> files;
   const std::string answer = (out / "optics.json").string();
-  if (absl::Status s = WriteOpticsJson(*optics, answer); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(WriteOpticsJson(*optics, answer));
   files.push_back(answer);
   if (devices) {
     const std::string file = (out / "devices.json").string();
-    if (absl::Status s = WriteFileAtomically(file, ToJson(*devices) + "\n"); !s.ok()) return s;
+    SIGHTLINE_RETURN_IF_ERROR(WriteFileAtomically(file, ToJson(*devices) + "\n"));
     files.push_back(file);
   }
   if (!options.choice.plan.empty() && !options.choice.scan) {
     const std::string file = (out / "plan.json").string();
     GivenPlans known;  // compared with the part where its frames were chosen
-    auto plan = ReadPlanScans(options.choice.plan, &known);
-    if (!plan.ok()) return plan.status();
-    SetSettings(*optics, &plan->plan);
-    if (absl::Status s = WriteFileAtomically(file, ToJson(plan->plan) + "\n"); !s.ok()) return s;
+    SIGHTLINE_ASSIGN_OR_RETURN(auto plan, ReadPlanScans(options.choice.plan, &known));
+    SetSettings(*optics, &plan.plan);
+    SIGHTLINE_RETURN_IF_ERROR(WriteFileAtomically(file, ToJson(plan.plan) + "\n"));
     files.push_back(file);
   }
   const std::string report = (out / "report.html").string();
-  absl::Status s = WriteOpticsReport(*optics, devices ? &*devices : nullptr, report);
-  if (!s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(WriteOpticsReport(*optics, devices ? &*devices : nullptr, report));
   files.push_back(report);
   files.push_back(ReportDataPath(report));
   for (const std::string& file : files) PrintText("%s\n", fs::absolute(file).c_str());

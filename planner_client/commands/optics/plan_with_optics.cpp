@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "core/status/status_macros.h"
 #include "planner_client/command_line/process/interrupt.h"
 #include "planner_client/command_line/process/print.h"
 #include "planner_client/commands/optics/optics_outputs.h"
@@ -43,16 +44,14 @@ void KeepFNumbersWorthTrying(const v1::OpticsPlan& before, v1::CreateOpticsReque
 
 absl::StatusOr<v1::OpticsPlan> ChooseSettings(const JointPlanOptions& options, bool per_scan,
                                               const v1::OpticsPlan* before, const char* what) {
-  auto request = RequestFor(options);
-  if (!request.ok()) return request.status();
-  request->request.set_per_scan(per_scan);
-  if (before != nullptr) KeepFNumbersWorthTrying(*before, &request->request);
+  SIGHTLINE_ASSIGN_OR_RETURN(auto request, RequestFor(options));
+  request.request.set_per_scan(per_scan);
+  if (before != nullptr) KeepFNumbersWorthTrying(*before, &request.request);
   PrintTextTo(stderr, "%s\n", what);
   ProgressLine progress;
   WorkerClientOptions client;
-  auto worker = StartWorkerSession(options.worker, &progress, &client);
-  if (!worker.ok()) return worker.status();
-  auto optics = PlanOptics(client, request->request, request->assets);
+  SIGHTLINE_ASSIGN_OR_RETURN(auto worker, StartWorkerSession(options.worker, &progress, &client));
+  auto optics = PlanOptics(client, request.request, request.assets);
   progress.Finish();
   if (!optics.ok()) return AboutInput(optics.status(), options.session.inspection_file);
   return optics;
@@ -89,7 +88,7 @@ class JointPlanner {
 
   absl::StatusOr<v1::OpticsPlan> Run() {
     if (session_.ForUncertainty()) {
-      if (absl::Status s = FindRest(); !s.ok()) return s;
+      SIGHTLINE_RETURN_IF_ERROR(FindRest());
     }
     auto optics = ChooseSettings(options_, true, last_ ? &*last_ : nullptr,
                                  "choosing the setting of every scan");
@@ -106,15 +105,16 @@ class JointPlanner {
     LineDetectionNoise planned_for = session_.inspection.uncertainty->detection;
     double earlier_error = 0;
     for (int number = 1; number <= options_.max_rounds; ++number) {
-      auto optics = ChooseSettings(
-          options_, false, last_ ? &*last_ : nullptr,
-          absl::StrCat("round ", number, ": choosing one setting for all scans").c_str());
-      if (!optics.ok()) return optics.status();
+      SIGHTLINE_ASSIGN_OR_RETURN(
+          auto optics,
+          ChooseSettings(
+              options_, false, last_ ? &*last_ : nullptr,
+              absl::StrCat("round ", number, ": choosing one setting for all scans").c_str()));
       v1::JointRound round;
       round.set_scans(static_cast<int>(document_.scans.size()));
       round.set_settled_for(document_.plan.uncertainty().admissible_fraction());
-      *round.mutable_setting() = optics->best().setting();
-      if (!optics->common().has_detection()) {
+      *round.mutable_setting() = optics.best().setting();
+      if (!optics.common().has_detection()) {
         missing_ =
             "too few points of the line were detected to learn their uncertainty; the scans use "
             "the "
@@ -122,18 +122,16 @@ class JointPlanner {
         rounds_.push_back(round);
         return absl::OkStatus();
       }
-      const v1::LearnedDetection& learned = optics->common().detection();
+      const v1::LearnedDetection& learned = optics.common().detection();
       *round.mutable_detection() = learned;
       const DetectionChange change = ChangeOf(planned_for, earlier_error, learned);
       round.set_change_of_u(change.root_mean_square);
       round.set_change_in_standard_errors(change.in_standard_errors);
-      const bool same_setting = last_ && last_->best().f_number() == optics->best().f_number();
-      auto noise = NoiseOf(learned);
-      if (!noise.ok()) return noise.status();
-      planned_for = *noise;
+      const bool same_setting = last_ && last_->best().f_number() == optics.best().f_number();
+      SIGHTLINE_ASSIGN_OR_RETURN(planned_for, NoiseOf(learned));
       earlier_error = MeanError(learned);
-      last_ = *std::move(optics);
-      if (absl::Status s = LookWith(planned_for, &round); !s.ok()) return s;
+      last_ = std::move(optics);
+      SIGHTLINE_RETURN_IF_ERROR(LookWith(planned_for, &round));
       Say(number, round);
       // Scans that reached the goal reach it with the learned detection, too.
       const double goal = GoalFraction(request_.goal);
@@ -145,7 +143,7 @@ class JointPlanner {
         return MakeDocument(std::move(document_.scans), document_.plan.gain_evaluations(),
                             document_.plan.stop_reason());
       }
-      if (absl::Status s = PlanAgain(); !s.ok()) return s;
+      SIGHTLINE_RETURN_IF_ERROR(PlanAgain());
     }
     return absl::OkStatus();
   }
@@ -154,34 +152,30 @@ class JointPlanner {
   absl::Status LookWith(const LineDetectionNoise& noise, v1::JointRound* round) {
     SessionOptions options = options_.session;
     options.line_detection = noise;
-    auto session = OpenSession(options);
-    if (!session.ok()) return session.status();
-    session->inspection.goal = session_.inspection.goal;
-    session_ = *std::move(session);
-    auto score = session_.gain_model->ScorePlan(ScansOf(document_), true);
-    if (!score.ok()) return score.status();
-    round->set_settled_with(static_cast<double>(score->satisfied) /
-                            static_cast<double>(std::max<int64_t>(1, score->judged)));
+    SIGHTLINE_ASSIGN_OR_RETURN(auto session, OpenSession(options));
+    session.inspection.goal = session_.inspection.goal;
+    session_ = std::move(session);
+    SIGHTLINE_ASSIGN_OR_RETURN(auto score,
+                               session_.gain_model->ScorePlan(ScansOf(document_), true));
+    round->set_settled_with(static_cast<double>(score.satisfied) /
+                            static_cast<double>(std::max<int64_t>(1, score.judged)));
     return absl::OkStatus();
   }
 
   absl::Status PlanAgain() {
     request_.locked = ScansOf(document_, true);
     request_.starting = ScansOf(document_, false);
-    auto result = MakePlan(*session_.gain_model, request_);
-    if (!result.ok()) return result.status();
-    absl::Status made = MakeDocument(std::move(result->scans), result->evaluations,
-                                     StopReasonToProto(result->stop_reason));
-    if (!made.ok()) return made;
+    SIGHTLINE_ASSIGN_OR_RETURN(auto result, MakePlan(*session_.gain_model, request_));
+    SIGHTLINE_RETURN_IF_ERROR(MakeDocument(std::move(result.scans), result.evaluations,
+                                           StopReasonToProto(result.stop_reason)));
     return InterruptFlag() ? absl::CancelledError("interrupted") : absl::OkStatus();
   }
 
   absl::Status MakeDocument(std::vector<ChosenScan> scans, int64_t evaluations,
                             v1::Plan::StopReason stop_reason) {
-    auto document = MakePlanDocument(session_, std::move(scans),
-                                     {request_.strategy, request_.seed, evaluations, stop_reason});
-    if (!document.ok()) return document.status();
-    document_ = *std::move(document);
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        document_, MakePlanDocument(session_, std::move(scans),
+                                    {request_.strategy, request_.seed, evaluations, stop_reason}));
     return WritePlanJson(document_, options_.folder);
   }
 

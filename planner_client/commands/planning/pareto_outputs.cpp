@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/file/atomic_write.h"
 #include "core/json/strict_json.h"
+#include "core/status/status_macros.h"
 #include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/command_line/process/output_folder.h"
 #include "planner_client/command_line/process/print.h"
@@ -36,7 +37,7 @@ ParetoTask TaskOf(const PlanningSession& session, const PlanningGoal& goal) {
 }
 
 absl::Status WriteFront(const v1::ParetoFront& front, const std::string& folder) {
-  if (absl::Status made = MakeOutputFolder(folder); !made.ok()) return made;
+  SIGHTLINE_RETURN_IF_ERROR(MakeOutputFolder(folder));
   return WriteFileAtomically(folder + "/pareto.json", ToJson(front));
 }
 
@@ -50,14 +51,12 @@ absl::StatusOr<std::vector<ChosenScan>> EvaluateAgain(const PlanningSession& ses
   request.goal.max_time_s.reset();
   PlanRun run(*session.gain_model, request);
   const std::vector<Measurement> measurements = ScansOfPoint(point);
-  auto exact = run.Exact(measurements);
-  if (!exact.ok()) return exact.status();
-  auto fast = session.gain_model->FastCoverage(measurements);
-  if (!fast.ok()) return fast.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto exact, run.Exact(measurements));
+  SIGHTLINE_ASSIGN_OR_RETURN(auto fast, session.gain_model->FastCoverage(measurements));
   std::vector<ChosenScan> scans;
   std::vector<FrameRange> frames;
   for (size_t i = 0; i < measurements.size(); ++i) {
-    const ScanCoverage& coverage = *(*exact)[i];
+    const ScanCoverage& coverage = *exact[i];
     if (coverage.feasibility != ScanFeasibility::kFeasible) {
       return absl::InvalidArgumentError(
           absl::StrCat(path, ": points[", point.number() - 1, "].measurements[", i,
@@ -67,14 +66,13 @@ absl::StatusOr<std::vector<ChosenScan>> EvaluateAgain(const PlanningSession& ses
     scans.push_back({.measurement = measurements[i],
                      .locked = static_cast<int>(i) < point.locked_scans(),
                      .exact = coverage,
-                     .fast_covered = (*fast)[i].covered.Count()});
+                     .fast_covered = fast[i].covered.Count()});
   }
-  auto score = run.Score(measurements, true);
-  if (!score.ok()) return score.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto score, run.Score(measurements, true));
   const PlanTime time =
       TimeOfPlan(ExecutionModelOf(session.inspection), session.inspection.rig.scan_step_m,
                  measurements, frames, point.locked_scans());
-  if (absl::Status same = CheckSameNumbers(point, *score, time, path); !same.ok()) return same;
+  SIGHTLINE_RETURN_IF_ERROR(CheckSameNumbers(point, score, time, path));
   return scans;
 }
 
@@ -135,21 +133,18 @@ absl::StatusOr<PlannerResult> PlanFront(const PlanningSession& session,
   front.on_progress = [&](double fraction, const std::string& text) {
     progress.Show(fraction, text);
   };
-  auto made = MakeParetoFront(*session.gain_model, front);
-  if (!made.ok()) return made.status();
-  const size_t chosen = *PointForGoal(made->front.points);
-  output->pareto = ParetoToProto(*made, TaskOf(session, request.goal), request.seed, chosen,
-                                 StopReasonToProto(made->stop_reason));
-  if (absl::Status status = WriteFront(*output->pareto, output->folder); !status.ok()) {
-    return status;
-  }
+  SIGHTLINE_ASSIGN_OR_RETURN(auto made, MakeParetoFront(*session.gain_model, front));
+  const size_t chosen = *PointForGoal(made.front.points);
+  output->pareto = ParetoToProto(made, TaskOf(session, request.goal), request.seed, chosen,
+                                 StopReasonToProto(made.stop_reason));
+  SIGHTLINE_RETURN_IF_ERROR(WriteFront(*output->pareto, output->folder));
   PlannerResult plan;
-  plan.scans = std::move(made->front.points[chosen].scans);
-  plan.score = made->front.points[chosen].score;
-  plan.stop_reason = made->stop_reason;
+  plan.scans = std::move(made.front.points[chosen].scans);
+  plan.score = made.front.points[chosen].score;
+  plan.stop_reason = made.stop_reason;
   // Why the plan for the goal went no further, where the whole front says only that it did not.
-  if (plan.stop_reason == StopReason::kStalled) plan.stop_reason = made->plan_stop_reason;
-  plan.evaluations = made->evaluations;
+  if (plan.stop_reason == StopReason::kStalled) plan.stop_reason = made.plan_stop_reason;
+  plan.evaluations = made.evaluations;
   return plan;
 }
 

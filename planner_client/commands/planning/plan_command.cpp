@@ -5,6 +5,7 @@
 #include <optional>
 #include <utility>
 
+#include "core/status/status_macros.h"
 #include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/command_line/process/interrupt.h"
 #include "planner_client/command_line/process/output_folder.h"
@@ -21,30 +22,25 @@ namespace {
 
 absl::Status PlanParsed(PlanOptions& options, const Shard& part) {
   PlannerRequest request;
-  if (auto status = ReadGivenScans(options, request); !status.ok()) return status;
-  if (auto status = CheckStrategy(options.strategy); !status.ok()) return status;
-  const auto earlier = ReadMeasuredScans(options, request);
-  if (!earlier.ok()) return earlier.status();
-  const bool measured = !earlier->files.empty();
-  if (measured) options.session.before_upload = PutMeasuredPart(options.measured, *earlier);
-  if (auto status = CheckOptics(options); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(ReadGivenScans(options, request));
+  SIGHTLINE_RETURN_IF_ERROR(CheckStrategy(options.strategy));
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto earlier, ReadMeasuredScans(options, request));
+  const bool measured = !earlier.files.empty();
+  if (measured) options.session.before_upload = PutMeasuredPart(options.measured, earlier);
+  SIGHTLINE_RETURN_IF_ERROR(CheckOptics(options));
   options.session.kept_scans = request.locked;
   // Parts of the starts leave the folder to the run that chooses.
   std::optional<FileLock> out_lock;
   if (part.IsWhole()) {
-    auto taken = OpenOutputFolder(options.output.folder);
-    if (!taken.ok()) return taken.status();
-    out_lock = *std::move(taken);
+    SIGHTLINE_ASSIGN_OR_RETURN(out_lock, OpenOutputFolder(options.output.folder));
   }
   const auto start = std::chrono::steady_clock::now();
-  auto question = QuestionOf(options);
-  if (!question.ok()) return question.status();
-  auto session = OpenSession(options.session);
-  if (!session.ok()) return session.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto question, QuestionOf(options));
+  SIGHTLINE_ASSIGN_OR_RETURN(auto session, OpenSession(options.session));
   if (measured) {
-    if (auto status = AskMeasuredPoints(*earlier, &*session); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(AskMeasuredPoints(earlier, &session));
   }
-  PlanningRun planning(options, std::move(request), part, *earlier, *std::move(question), *session,
+  PlanningRun planning(options, std::move(request), part, earlier, std::move(question), session,
                        start);
   if (auto status = planning.Run(); !status.ok()) return status;
   planning.Print();

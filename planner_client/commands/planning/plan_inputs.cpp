@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "core/json/strict_json.h"
+#include "core/status/status_macros.h"
 #include "core/text/number_text.h"
 #include "planner_client/commands/part_assets.h"
 #include "planner_client/plan_file/plan_file.h"
@@ -16,16 +17,14 @@ namespace sightline {
 
 absl::Status ReadGivenScans(PlanOptions& options, PlannerRequest& request) {
   if (!options.keep.empty()) {
-    auto kept = ReadPlanScans(options.keep, &options.session.plans);
-    if (!kept.ok()) return kept.status();
-    request.locked = std::move(kept->all);
+    SIGHTLINE_ASSIGN_OR_RETURN(auto kept, ReadPlanScans(options.keep, &options.session.plans));
+    request.locked = std::move(kept.all);
   }
   if (options.resume) {
     const std::string path = options.output.folder + "/plan.json";
-    auto earlier = ReadPlanScans(path, &options.session.plans);
-    if (!earlier.ok()) return earlier.status();
-    for (size_t i = 0; i < earlier->all.size(); ++i) {
-      (earlier->locked[i] ? request.locked : request.starting).push_back(earlier->all[i]);
+    SIGHTLINE_ASSIGN_OR_RETURN(auto earlier, ReadPlanScans(path, &options.session.plans));
+    for (size_t i = 0; i < earlier.all.size(); ++i) {
+      (earlier.locked[i] ? request.locked : request.starting).push_back(earlier.all[i]);
     }
   }
   return absl::OkStatus();
@@ -55,25 +54,23 @@ absl::Status CheckOptics(const PlanOptions& options) {
   }
   v1::Inspection message;
   const std::string& file = options.session.inspection_file;
-  if (absl::Status s = ReadStrictJsonFile(file, &message); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(ReadStrictJsonFile(file, &message));
   return CheckImagingInspection(message, file).status();
 }
 
 absl::StatusOr<std::optional<SearchQuestion>> QuestionOf(const PlanOptions& options) {
   if (options.checkpoint.empty()) return std::nullopt;
-  auto files = FilesOfInspection(options.session.inspection_file);
-  if (!files.ok()) return files.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto files, FilesOfInspection(options.session.inspection_file));
   for (const std::string& file : options.measured.files) {
     // The name may say which scan has measured the points.
-    files->push_back(
+    files.push_back(
         {absl::StrCat("--measured ", std::filesystem::path(file).filename().string()), file});
   }
-  if (!options.measured.pose_file.empty()) files->push_back({"--pose", options.measured.pose_file});
-  auto contents = FileContents::Of(*std::move(files));
-  if (!contents.ok()) return contents.status();
+  if (!options.measured.pose_file.empty()) files.push_back({"--pose", options.measured.pose_file});
+  SIGHTLINE_ASSIGN_OR_RETURN(auto contents, FileContents::Of(std::move(files)));
   const AsMeasuredOptions& m = options.measured;
   return SearchQuestion{
-      *std::move(contents),
+      std::move(contents),
       m.files.empty()
           ? ""
           : absl::StrFormat("pose prior %s mm, %s deg; tolerated distance %s mm; unit %s",

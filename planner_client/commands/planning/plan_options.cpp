@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_join.h"
 #include "core/command_options/option_values.h"
+#include "core/status/status_macros.h"
 #include "planner_client/command_line/process/interrupt.h"
 #include "planner_client/commands/other_part.h"
 
@@ -82,13 +83,12 @@ void AddPlanOptions(CLI::App& app, PlanOptions* options) {
 
 absl::Status CheckPickAlone(const CLI::App& app) {
   for (const char* pick : {"--pick", "--pick-scans", "--pick-seconds"}) {
-    absl::Status status =
+    SIGHTLINE_RETURN_IF_ERROR(
         CheckExcluded(app, pick,
                       {"--strategy", "--seed", "--goal", "--max-scans", "--max-time-s",
                        "--goal-time-s", "--max-setups", "--max-sensor-places",
                        "--max-resting-faces", "--keep", "--resume", "--starts", "--checkpoint",
-                       "--evaluations-per-scan", "--matrix-samples", "--bound-evaluations"});
-    if (!status.ok()) return status;
+                       "--evaluations-per-scan", "--matrix-samples", "--bound-evaluations"}));
   }
   return absl::OkStatus();
 }

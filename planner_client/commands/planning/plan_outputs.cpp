@@ -22,6 +22,7 @@
 #include "core/part/load_part.h"
 #include "core/part/part_health_proto.h"
 #include "core/physics/angle.h"
+#include "core/status/status_macros.h"
 #include "planner_client/command_line/process/output_folder.h"
 #include "planner_client/command_line/process/print.h"
 #include "planner_client/commands/planning/document/placement_outputs.h"
@@ -47,9 +48,8 @@ bool IsPointCloud(absl::string_view name) {
 // Files about the scans of the plan that was in the folder before.
 absl::Status RemoveEarlierPlan(const std::string& folder) {
   namespace fs = std::filesystem;
-  absl::Status status =
-      RemoveFiles(folder, {"report.html", "report.json", "uncertainty.ply", "plan.qif"});
-  if (!status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(
+      RemoveFiles(folder, {"report.html", "report.json", "uncertainty.ply", "plan.qif"}));
   const fs::path points = fs::path(folder) / "points";
   std::vector<std::string> clouds;
   std::error_code error;
@@ -59,7 +59,7 @@ absl::Status RemoveEarlierPlan(const std::string& folder) {
     if (IsPointCloud(name)) clouds.push_back(name);
   }
   for (const std::string& cloud : clouds) {
-    if (status = RemoveFiles(points.string(), {cloud}); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(RemoveFiles(points.string(), {cloud}));
   }
   fs::remove(points, error);  // if nothing else is in it
   return absl::OkStatus();
@@ -119,9 +119,8 @@ absl::StatusOr<ReportData> DescribeForReport(const PlanningSession& session,
   data.pareto = options.pareto;
   if (session.ForUncertainty()) {
     data.uncertainty = TargetUncertaintiesOf(session, document);
-    absl::Status status =
-        WriteUncertaintyFiles(session, document, *data.uncertainty, options.folder);
-    if (!status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(
+        WriteUncertaintyFiles(session, document, *data.uncertainty, options.folder));
     if (options.point_clouds) data.uncertainty->scan_sensitivities.resize(document.scans.size());
   } else if (options.ellipsoids) {
     PrintTextTo(stderr,
@@ -219,8 +218,7 @@ absl::Status ShowScans(const PlanningSession& session, PlanDocument& document,
     data->scans.emplace_back().covered = scan.exact.covered;
   }
   if (options.point_clouds && !document.scans.empty()) {
-    absl::Status made = MakeOutputFolder(options.folder + "/points");
-    if (!made.ok()) return made;
+    SIGHTLINE_RETURN_IF_ERROR(MakeOutputFolder(options.folder + "/points"));
   }
   const auto picture = [](absl::StatusOr<std::string> png, std::string* place) {
     if (!png.ok()) return png.status();
@@ -277,17 +275,15 @@ absl::Status ShowScans(const PlanningSession& session, PlanDocument& document,
 }  // namespace
 
 absl::Status WritePlanJson(const PlanDocument& document, const std::string& folder) {
-  if (absl::Status made = MakeOutputFolder(folder); !made.ok()) return made;
-  if (absl::Status removed = RemoveEarlierPlan(folder); !removed.ok()) return removed;
-  if (absl::Status status = WriteFileAtomically(folder + "/plan.json", ToJson(document.plan));
-      !status.ok())
-    return status;
+  SIGHTLINE_RETURN_IF_ERROR(MakeOutputFolder(folder));
+  SIGHTLINE_RETURN_IF_ERROR(RemoveEarlierPlan(folder));
+  SIGHTLINE_RETURN_IF_ERROR(WriteFileAtomically(folder + "/plan.json", ToJson(document.plan)));
   return WriteFileAtomically(folder + "/plan.csv", PlanCsv(document.plan));
 }
 
 absl::Status WritePlanOutputs(PlanningSession& session, PlanDocument& document,
                               const OutputOptions& options) {
-  if (absl::Status status = WritePlanJson(document, options.folder); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(WritePlanJson(document, options.folder));
   const auto explaining = std::chrono::steady_clock::now();
   if (absl::Status status = ExplainUncovered(session, &document); !status.ok()) {
     document.Miss("reasons why targets are not covered", status);
@@ -297,30 +293,26 @@ absl::Status WritePlanOutputs(PlanningSession& session, PlanDocument& document,
     document.Miss("coverage under errors of placement", status);
   }
   const auto start = std::chrono::steady_clock::now();
-  if (absl::Status status = WritePlanJson(document, options.folder); !status.ok()) return status;
-  auto data = DescribeForReport(session, document, options);
-  if (!data.ok()) return data.status();
-  if (absl::Status status = ShowScans(session, document, options, &*data); !status.ok()) {
-    return status;
-  }
-  if (absl::Status status = WriteSetUpFiles(*data, options.folder); !status.ok()) return status;
-  data->set_up_sheet = kSetUpSheetFile;
-  data->depth_per_pixel_m = DepthPerPixel(session, document, data->targets);
-  data->timings = options.timings;
+  SIGHTLINE_RETURN_IF_ERROR(WritePlanJson(document, options.folder));
+  SIGHTLINE_ASSIGN_OR_RETURN(auto data, DescribeForReport(session, document, options));
+  SIGHTLINE_RETURN_IF_ERROR(ShowScans(session, document, options, &data));
+  SIGHTLINE_RETURN_IF_ERROR(WriteSetUpFiles(data, options.folder));
+  data.set_up_sheet = kSetUpSheetFile;
+  data.depth_per_pixel_m = DepthPerPixel(session, document, data.targets);
+  data.timings = options.timings;
   const auto seconds = [](auto from, auto to) {
     return std::chrono::duration<double>(to - from).count();
   };
-  data->timings.push_back({"reasons of uncovered targets", seconds(explaining, placing)});
-  data->timings.push_back({"coverage under errors of placement", seconds(placing, start)});
-  data->timings.push_back(
+  data.timings.push_back({"reasons of uncovered targets", seconds(explaining, placing)});
+  data.timings.push_back({"coverage under errors of placement", seconds(placing, start)});
+  data.timings.push_back(
       {"pictures and point clouds", seconds(start, std::chrono::steady_clock::now())});
   for (const std::string& missing : document.missing) {
-    data->notes.push_back(missing);
+    data.notes.push_back(missing);
     PrintTextTo(stderr, "warning: %s\n", missing.c_str());
   }
-  auto report = PlanReport(*data);
-  if (!report.ok()) return report.status();
-  return WriteReport(*report, options.folder + "/report.html");
+  SIGHTLINE_ASSIGN_OR_RETURN(auto report, PlanReport(data));
+  return WriteReport(report, options.folder + "/report.html");
 }
 
 }  // namespace sightline

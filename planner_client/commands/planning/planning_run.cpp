@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "core/status/status_macros.h"
 #include "core/text/number_text.h"
 #include "planner_client/command_line/help/terminal.h"
 #include "planner_client/command_line/process/interrupt.h"
@@ -66,7 +67,7 @@ absl::Status WriteOptics(const v1::OpticsPlan& optics, const std::string& folder
   for (const std::string& warning : named.warnings()) {
     PrintTextTo(stderr, "warning: %s\n", warning.c_str());
   }
-  if (absl::Status s = WriteOpticsJson(named, folder + "/optics.json"); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(WriteOpticsJson(named, folder + "/optics.json"));
   return WriteOpticsReport(named, nullptr, folder + "/optics.html");
 }
 
@@ -124,10 +125,7 @@ PlanningRun::PlanningRun(PlanOptions& options, PlannerRequest request, const Sha
 }
 
 absl::Status PlanningRun::Run() {
-  if (absl::Status enough = CheckExecutionTime(options_.session.inspection_file, request_);
-      !enough.ok()) {
-    return enough;
-  }
+  SIGHTLINE_RETURN_IF_ERROR(CheckExecutionTime(options_.session.inspection_file, request_));
   absl::StatusOr<SearchCheckpoint> checkpoint;
   if (question_) {
     checkpoint = SearchCheckpoint::Open(options_.checkpoint, session_, *question_, request_,
@@ -137,14 +135,14 @@ absl::Status PlanningRun::Run() {
   }
   if (!checkpoint.ok()) return checkpoint.status();
   if (options_.starts.Several()) {
-    if (auto status = SearchFromAllStarts(*checkpoint); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(SearchFromAllStarts(*checkpoint));
     if (!part_.IsWhole()) return absl::OkStatus();
   } else {
-    if (auto status = checkpoint->KeepAnswers("", &session_); !status.ok()) return status;
-    if (auto status = Search(); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(checkpoint->KeepAnswers("", &session_));
+    SIGHTLINE_RETURN_IF_ERROR(Search());
   }
   if (options_.optics && GoesOn()) {
-    if (auto status = PlanOptically(); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(PlanOptically());
   }
   if (bound_) SetBound(session_, *bound_, document_.plan);
   return WritePlanOutputs(session_, document_, options_.output);
@@ -189,10 +187,10 @@ void PlanningRun::Show(double fraction, const std::string& text) {
 
 absl::Status PlanningRun::Search() {
   if (options_.pareto.front) return SearchFront();
-  auto found = MakeBoundedPlan(*session_.gain_model, request_, options_.bound_evaluations, Hooks());
-  if (!found.ok()) return found.status();
-  result_ = std::move(found->plan);
-  bound_ = std::move(found->bound);
+  SIGHTLINE_ASSIGN_OR_RETURN(auto found, MakeBoundedPlan(*session_.gain_model, request_,
+                                                         options_.bound_evaluations, Hooks()));
+  result_ = std::move(found.plan);
+  bound_ = std::move(found.bound);
   return absl::OkStatus();
 }
 
@@ -247,19 +245,18 @@ absl::Status PlanningRun::SearchFromAllStarts(SearchCheckpoint& checkpoint) {
   for (int i = part_.number - 1; i < options_.starts.count; i += part_.count) {
     // After an interruption the starts planned so far are kept, so that there is a plan.
     if (InterruptFlag() && !starts.empty()) break;
-    auto start = SearchFromStart(i, checkpoint);
-    if (!start.ok()) return start.status();
-    starts.push_back(*std::move(start));
+    SIGHTLINE_ASSIGN_OR_RETURN(auto start, SearchFromStart(i, checkpoint));
+    starts.push_back(std::move(start));
     if (!part_.IsWhole()) continue;
     if (starts.size() > 1 && !IsBetterStart(starts.back(), starts[best])) continue;
     best = starts.size() - 1;
-    if (auto status = TakeStart(starts[best]); !status.ok()) return status;
-    if (auto status = WritePlan(); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(TakeStart(starts[best]));
+    SIGHTLINE_RETURN_IF_ERROR(WritePlan());
   }
   time_to_plan_s_ = SecondsSince(start_);
   if (!part_.IsWhole()) return absl::OkStatus();
   // Starts that came after it have left theirs.
-  if (auto status = TakeStart(starts[best]); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(TakeStart(starts[best]));
   SetStarts(starts, document_.plan);
   return absl::OkStatus();
 }
@@ -274,41 +271,36 @@ absl::StatusOr<StartResult> PlanningRun::SearchFromStart(int index, SearchCheckp
   search_name_ = absl::StrFormat("start %d of %d: ", index + 1, count);
   const std::string name = absl::StrCat("-", request_.seed);
   bound_.reset();
-  if (auto status = checkpoint.KeepAnswers(name, &session_); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(checkpoint.KeepAnswers(name, &session_));
   const absl::Status searched = Search();
   checkpoint.LeaveAnswers(&session_);
   if (!searched.ok()) return searched;
   StartResult start = StartOf(result_, document_.plan, bound_);
   // A search that was broken off is to go on another time.
   if (InterruptFlag()) return start;
-  if (auto status = checkpoint.KeepResult(start, name); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(checkpoint.KeepResult(start, name));
   return start;
 }
 
 absl::Status PlanningRun::TakeStart(const StartResult& start) {
-  auto scans = ScansOfStart(session_, start);
-  if (!scans.ok()) return scans.status();
-  auto made = MakePlanDocument(
-      session_, *std::move(scans),
-      {options_.strategy, start.seed, start.evaluations, StopReasonToProto(start.stop_reason)});
-  if (!made.ok()) return made.status();
-  document_ = *std::move(made);
+  SIGHTLINE_ASSIGN_OR_RETURN(auto scans, ScansOfStart(session_, start));
+  SIGHTLINE_ASSIGN_OR_RETURN(document_,
+                             MakePlanDocument(session_, std::move(scans),
+                                              {options_.strategy, start.seed, start.evaluations,
+                                               StopReasonToProto(start.stop_reason)}));
   bound_ = start.bound;
   return absl::OkStatus();
 }
 
 absl::Status PlanningRun::Describe(const PlannerResult& result) {
-  auto made = MakePlanDocument(session_, result.scans,
-                               {options_.strategy, request_.seed, result.evaluations,
-                                StopReasonToProto(result.stop_reason)});
-  if (!made.ok()) return made.status();
-  document_ = *std::move(made);
+  SIGHTLINE_ASSIGN_OR_RETURN(document_,
+                             MakePlanDocument(session_, result.scans,
+                                              {options_.strategy, request_.seed, result.evaluations,
+                                               StopReasonToProto(result.stop_reason)}));
   // With several searches only the best is written.
   if (options_.starts.Several()) return absl::OkStatus();
   if (!earlier_.files.empty()) {
-    if (auto status = DescribeAsMeasured(earlier_, session_, &document_); !status.ok()) {
-      return status;
-    }
+    SIGHTLINE_RETURN_IF_ERROR(DescribeAsMeasured(earlier_, session_, &document_));
   }
   return WritePlan();
 }
@@ -316,21 +308,19 @@ absl::Status PlanningRun::Describe(const PlannerResult& result) {
 absl::Status PlanningRun::WritePlan() {
   // Settings of an earlier plan's scans; with --optics they are made anew.
   const std::string& folder = options_.output.folder;
-  if (auto status = RemoveFiles(folder, {"optics.json", "optics.html", "optics_report.json"});
-      !status.ok()) {
-    return status;
-  }
+  SIGHTLINE_RETURN_IF_ERROR(
+      RemoveFiles(folder, {"optics.json", "optics.html", "optics_report.json"}));
   return WritePlanJson(document_, folder);
 }
 
 absl::Status PlanningRun::PlanOptically() {
   const auto optics_start = std::chrono::steady_clock::now();
-  const auto optics = PlanWithOptics({options_.session, options_.output.folder,
-                                      options_.optics_rounds, options_.seed, options_.worker},
-                                     request_, &session_, &document_);
-  if (!optics.ok()) return optics.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      const auto optics, PlanWithOptics({options_.session, options_.output.folder,
+                                         options_.optics_rounds, options_.seed, options_.worker},
+                                        request_, &session_, &document_));
   AddTiming("planning with optics", SecondsSince(optics_start));
-  return WriteOptics(*optics, options_.output.folder, &document_.plan);
+  return WriteOptics(optics, options_.output.folder, &document_.plan);
 }
 
 }  // namespace sightline

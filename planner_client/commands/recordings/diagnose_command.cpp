@@ -20,6 +20,7 @@
 #include "core/part/load_part.h"
 #include "core/recordings/part_inspection.h"
 #include "core/recordings/recordings.h"
+#include "core/status/status_macros.h"
 #include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/command_line/process/output_folder.h"
 #include "planner_client/command_line/process/print.h"
@@ -122,26 +123,21 @@ absl::StatusOr<v1::Inspection> NominalPart(const DiagnoseOptions& options,
   v1::Inspection message;
   std::string context = options.inspection;
   if (!options.inspection.empty()) {
-    absl::Status status = ReadStrictJsonFile(options.inspection, &message);
-    if (!status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(ReadStrictJsonFile(options.inspection, &message));
   } else {
     context = set.description_file;
-    auto described = InspectionOfRecordings(set.recordings, context);
-    if (!described.ok()) return described.status();
-    message = *std::move(described);
+    SIGHTLINE_ASSIGN_OR_RETURN(message, InspectionOfRecordings(set.recordings, context));
   }
   const std::string folder = fs::absolute(context).lexically_normal().parent_path().string();
-  auto inspection = InlineInspectionFiles(message, context, folder);
-  if (!inspection.ok()) return inspection.status();
-  v1::PartSource* part = inspection->mutable_part();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto inspection, InlineInspectionFiles(message, context, folder));
+  v1::PartSource* part = inspection.mutable_part();
   if (!options.part.empty()) part->set_file(options.part);
   if (!options.part_unit.empty()) part->set_unit(options.part_unit);
   if (absl::Status unit = CheckPartUnit(part->file(), part->unit()); !unit.ok()) {
     return absl::InvalidArgumentError(
         absl::StrCat(context, ": part.unit ", unit.message(), "; give it with --part-unit"));
   }
-  absl::Status status = ParseInspection(*inspection, context, "").status();
-  if (!status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(ParseInspection(inspection, context, "").status());
   if (!fs::is_regular_file(part->file())) {
     return absl::NotFoundError(absl::StrCat(options.part.empty() ? context + ": part.file: " : "",
                                             part->file(),
@@ -158,8 +154,8 @@ absl::StatusOr<CalibratedInspection> Calibrated(
     std::vector<std::pair<fs::path, std::string>>* files) {
   if (ShowsPart(set)) {
     CalibratedInspection result = CalibratePartInspection(nominal_part, diagnosis);
-    absl::Status status = ParseInspection(result.inspection, "calibrated inspection", "").status();
-    if (!status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(
+        ParseInspection(result.inspection, "calibrated inspection", "").status());
     NameFilesFrom(folder.string(), &result.inspection);
     return result;
   }
@@ -174,8 +170,8 @@ absl::StatusOr<CalibratedInspection> Calibrated(
   constexpr char kPlateFile[] = "plate.obj";
   CalibratedInspection result =
       CalibrateInspection(InspectionOfPlate(set.recordings, kPlateFile), set.recordings, diagnosis);
-  absl::Status status = ParseInspection(result.inspection, "calibrated inspection", "").status();
-  if (!status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(
+      ParseInspection(result.inspection, "calibrated inspection", "").status());
   files->emplace_back(folder / kPlateFile, kPlateObj);
   return result;
 }
@@ -186,12 +182,10 @@ absl::StatusOr<std::vector<std::string>> WriteFiles(
     const std::string& set_folder, const fs::path& out) {
   std::vector<std::string> paths = {(out / "report.html").string(), (out / "report.json").string()};
   for (const auto& [path, text] : files) {
-    absl::Status status = WriteFileAtomically(path.string(), text);
-    if (!status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(WriteFileAtomically(path.string(), text));
     paths.push_back(path.string());
   }
-  absl::Status status = WriteDiagnosisReport(diagnosis, set_folder, paths.front());
-  if (!status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(WriteDiagnosisReport(diagnosis, set_folder, paths.front()));
   return paths;
 }
 
@@ -224,7 +218,7 @@ absl::StatusOr<std::vector<std::string>> WriteAnswer(const DiagnoseOptions& opti
                                                      std::vector<std::string>* warnings) {
   const fs::path out = options.out;
   const fs::path calibrated = out / "calibrated";
-  if (absl::Status made = MakeOutputFolder(calibrated.string()); !made.ok()) return made;
+  SIGHTLINE_RETURN_IF_ERROR(MakeOutputFolder(calibrated.string()));
   std::vector<std::pair<fs::path, std::string>> files;
   const std::string answer = AnswerJson(diagnosis);
   if (const std::string name = AnswerFile(diagnosis.set()); !name.empty()) {
@@ -286,50 +280,46 @@ absl::StatusOr<int> DiagnoseCamera(const DiagnoseOptions& options) {
 
 absl::StatusOr<int> Diagnose(DiagnoseOptions options) {
   if (IsSensorSet(options.input)) return DiagnoseCamera(options);
-  auto set = ReadRecordedFolder(options.input, Shown::kPlateOrPart, MissingValues::kAssume);
-  if (!set.ok()) return set.status();
-  if (options.out.empty()) options.out = (fs::path(set->folder) / "diagnosis").string();
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      auto set, ReadRecordedFolder(options.input, Shown::kPlateOrPart, MissingValues::kAssume));
+  if (options.out.empty()) options.out = (fs::path(set.folder) / "diagnosis").string();
   // Mistakes show before the long work, not after it.
   v1::Inspection nominal_part;
   std::vector<AssetFile> assets;
   v1::CreateDiagnosisRequest request;
-  if (ShowsPart(*set)) {
-    auto nominal = NominalPart(options, *set);
-    if (!nominal.ok()) return nominal.status();
-    nominal_part = *std::move(nominal);
+  if (ShowsPart(set)) {
+    SIGHTLINE_ASSIGN_OR_RETURN(nominal_part, NominalPart(options, set));
     *request.mutable_inspection() = nominal_part;
-    absl::Status status = TakeAssets(set->description_file, request.mutable_inspection(), &assets);
-    if (!status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(
+        TakeAssets(set.description_file, request.mutable_inspection(), &assets));
   } else {
     for (const auto& [given, name] : {std::pair(!options.part.empty(), "--part"),
                                       std::pair(!options.part_unit.empty(), "--part-unit")}) {
       if (!given) continue;
-      return absl::InvalidArgumentError(
-          absl::StrCat(name, " is for recordings of a part; ", set->description_file,
-                       " has format_version ", set->recordings.format_version(), ": a plate"));
+      return absl::InvalidArgumentError(absl::StrCat(name, " is for recordings of a part; ",
+                                                     set.description_file, " has format_version ",
+                                                     set.recordings.format_version(), ": a plate"));
     }
-    if (!options.inspection.empty() && set->recordings.format_version() == 3) {
+    if (!options.inspection.empty() && set.recordings.format_version() == 3) {
       return absl::InvalidArgumentError(absl::StrCat("--inspection is for recordings with a rig; ",
-                                                     set->description_file,
+                                                     set.description_file,
                                                      " has format_version 3: plates in poses"));
     }
     if (!options.inspection.empty()) {
-      const auto inspection = CalibrateInspectionFile(options.inspection, set->recordings, {}, ".");
-      if (!inspection.ok()) return inspection.status();
+      SIGHTLINE_RETURN_IF_ERROR(
+          CalibrateInspectionFile(options.inspection, set.recordings, {}, ".").status());
     }
   }
-  const auto out_lock = OpenOutputFolder(options.out);
-  if (!out_lock.ok()) return out_lock.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto out_lock, OpenOutputFolder(options.out));
   if (options.max_effects) request.set_max_effects(*options.max_effects);
-  if (options.quick) set->assumptions.push_back(MakeQuick(&*set, &request));
-  *request.mutable_source()->mutable_recordings() = set->recordings;
+  if (options.quick) set.assumptions.push_back(MakeQuick(&set, &request));
+  *request.mutable_source()->mutable_recordings() = set.recordings;
   if (options.seed) request.set_seed(*options.seed);
   for (const std::string& effect : options.excluded) request.add_excluded_effects(effect);
 
   ProgressLine progress;
   WorkerClientOptions client;
-  auto worker = StartWorkerSession(options.worker, &progress, &client);
-  if (!worker.ok()) return worker.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto worker, StartWorkerSession(options.worker, &progress, &client));
   client.on_progress = [&progress, start = std::chrono::steady_clock::now()](
                            double fraction, const std::string& message) {
     progress.Show(fraction,
@@ -342,14 +332,14 @@ absl::StatusOr<int> Diagnose(DiagnoseOptions options) {
                 "again ends at once\n");
   };
   auto diagnosis =
-      DiagnoseRecordings(client, std::move(request), set->images, assets, on_waiting_for_rest);
+      DiagnoseRecordings(client, std::move(request), set.images, assets, on_waiting_for_rest);
   progress.Finish();
-  if (!diagnosis.ok()) return AboutInput(diagnosis.status(), set->description_file);
+  if (!diagnosis.ok()) return AboutInput(diagnosis.status(), set.description_file);
 
-  for (const std::string& assumption : set->assumptions) diagnosis->add_warnings(assumption);
+  for (const std::string& assumption : set.assumptions) diagnosis->add_warnings(assumption);
   Print(*diagnosis);
   std::vector<std::string> warnings(diagnosis->warnings().begin(), diagnosis->warnings().end());
-  const auto files = WriteAnswer(options, *set, nominal_part, *diagnosis, &warnings);
+  const auto files = WriteAnswer(options, set, nominal_part, *diagnosis, &warnings);
   for (const std::string& warning : warnings) {
     PrintTextTo(stderr, "warning: %s\n", warning.c_str());
   }

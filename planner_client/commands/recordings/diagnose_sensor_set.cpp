@@ -11,6 +11,7 @@
 #include "absl/strings/str_join.h"
 #include "core/file/atomic_write.h"
 #include "core/json/strict_json.h"
+#include "core/status/status_macros.h"
 #include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/command_line/process/output_folder.h"
 #include "planner_client/command_line/process/print.h"
@@ -66,21 +67,18 @@ void PrintDepartures(const v1::SensorDiagnosis& diagnosis) {
 }  // namespace
 
 absl::StatusOr<int> RunSensorSetDiagnosis(SensorSetOptions options) {
-  const auto set = ReadSensorSetFolder(options.input);
-  if (!set.ok()) return set.status();
-  if (options.out.empty()) options.out = (fs::path(set->folder) / "diagnosis").string();
-  const auto out_lock = OpenOutputFolder(options.out);
-  if (!out_lock.ok()) return out_lock.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto set, ReadSensorSetFolder(options.input));
+  if (options.out.empty()) options.out = (fs::path(set.folder) / "diagnosis").string();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto out_lock, OpenOutputFolder(options.out));
   v1::CreateSensorDiagnosisRequest request;
-  *request.mutable_set() = set->set;
+  *request.mutable_set() = set.set;
 
   ProgressLine progress;
   WorkerClientOptions client;
-  auto worker = StartWorkerSession(options.worker, &progress, &client);
-  if (!worker.ok()) return worker.status();
-  const auto diagnosis = DiagnoseSensorSet(client, std::move(request), set->images);
+  SIGHTLINE_ASSIGN_OR_RETURN(auto worker, StartWorkerSession(options.worker, &progress, &client));
+  const auto diagnosis = DiagnoseSensorSet(client, std::move(request), set.images);
   progress.Finish();
-  if (!diagnosis.ok()) return AboutInput(diagnosis.status(), set->description_file);
+  if (!diagnosis.ok()) return AboutInput(diagnosis.status(), set.description_file);
 
   PrintText("%s: %s\n", diagnosis->set().c_str(), diagnosis->finding().c_str());
   PrintQuantities(*diagnosis);
@@ -90,13 +88,11 @@ absl::StatusOr<int> RunSensorSetDiagnosis(SensorSetOptions options) {
     PrintTextTo(stderr, "warning: %s\n", warning.c_str());
   }
   const fs::path out = options.out;
-  absl::Status status =
-      WriteFileAtomically((out / "diagnosis.json").string(), ToJson(*diagnosis) + "\n");
-  if (!status.ok()) return status;
-  status = WriteFileAtomically((out / "camera.json").string(), ToJson(diagnosis->camera()) + "\n");
-  if (!status.ok()) return status;
-  status = WriteSensorReport(*diagnosis, (out / "report.html").string());
-  if (!status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(
+      WriteFileAtomically((out / "diagnosis.json").string(), ToJson(*diagnosis) + "\n"));
+  SIGHTLINE_RETURN_IF_ERROR(
+      WriteFileAtomically((out / "camera.json").string(), ToJson(diagnosis->camera()) + "\n"));
+  SIGHTLINE_RETURN_IF_ERROR(WriteSensorReport(*diagnosis, (out / "report.html").string()));
   for (const char* file : {"report.html", "report.json", "diagnosis.json", "camera.json"}) {
     PrintText("%s\n", fs::absolute(out / file).c_str());
   }

@@ -21,6 +21,7 @@
 #include "core/recordings/reduction/reduce_posed_plates.h"
 #include "core/recordings/reduction/start_from_images.h"
 #include "core/recordings/shot_list.h"
+#include "core/status/status_macros.h"
 #include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/command_line/process/output_folder.h"
 #include "planner_client/command_line/process/print.h"
@@ -37,25 +38,22 @@ struct NewOptions {
 };
 
 absl::StatusOr<int> New(const NewOptions& options) {
-  const auto inspection = ReadInspection(options.input);
-  if (!inspection.ok()) return inspection.status();
-  const auto list = PlanShotList(*inspection, options.input, options.images);
-  if (!list.ok()) return list.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto inspection, ReadInspection(options.input));
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto list,
+                             PlanShotList(inspection, options.input, options.images));
   const fs::path folder = options.out;
   if (fs::exists(folder / "recordings.json")) {
     return absl::InvalidArgumentError(
         absl::StrCat(options.out, ": has a recordings.json already; give another --out"));
   }
-  const auto out_lock = OpenOutputFolder(options.out);
-  if (!out_lock.ok()) return out_lock.status();
-  if (absl::Status made = MakeOutputFolder((folder / "images").string()); !made.ok()) return made;
-  absl::Status status = WriteFileAtomically((folder / "README.md").string(), ShotListText(*list));
-  if (!status.ok()) return status;
-  status = WriteFileAtomically((folder / "recordings.json").string(),
-                               RecordingsToJson(RecordingsToProto(list->set)) + "\n");
-  if (!status.ok()) return status;
-  for (const std::string& note : list->notes) PrintTextTo(stderr, "note: %s\n", note.c_str());
-  PrintText("%zu recordings to take:\n", list->set.recordings.size());
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto out_lock, OpenOutputFolder(options.out));
+  SIGHTLINE_RETURN_IF_ERROR(MakeOutputFolder((folder / "images").string()));
+  SIGHTLINE_RETURN_IF_ERROR(
+      WriteFileAtomically((folder / "README.md").string(), ShotListText(list)));
+  SIGHTLINE_RETURN_IF_ERROR(WriteFileAtomically(
+      (folder / "recordings.json").string(), RecordingsToJson(RecordingsToProto(list.set)) + "\n"));
+  for (const std::string& note : list.notes) PrintTextTo(stderr, "note: %s\n", note.c_str());
+  PrintText("%zu recordings to take:\n", list.set.recordings.size());
   for (const char* file : {"README.md", "recordings.json"}) {
     PrintText("%s\n", fs::absolute(folder / file).c_str());
   }
@@ -80,14 +78,12 @@ absl::StatusOr<int> Check(const std::string& input) {
     folder = folder.parent_path();
   }
   v1::Recordings message;
-  absl::Status status = ReadRecordingsMessage(description.string(), &message);
-  if (!status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(ReadRecordingsMessage(description.string(), &message));
   std::vector<std::string> paths, notes, missing;
   // Plates in poses usually state little; other sets are made by a shot list, which states all.
   if (message.format_version() == 3) notes = AssumeMissingValues(&message);
-  auto set = ParseRecordings(message, description.string());
-  if (!set.ok()) return set.status();
-  for (const RecordedImage& image : set->recordings) {
+  SIGHTLINE_ASSIGN_OR_RETURN(auto set, ParseRecordings(message, description.string()));
+  for (const RecordedImage& image : set.recordings) {
     paths.push_back((folder / image.file).string());
     std::error_code error;
     if (!fs::exists(paths.back(), error)) missing.push_back(image.file);
@@ -97,7 +93,7 @@ absl::StatusOr<int> Check(const std::string& input) {
         description.string(), ": none of its ", paths.size(), " images is there yet: ",
         MissingText(missing), "; record them as the README.md beside it says, and check again"));
   }
-  absl::StatusOr<LoadedImages> loaded = LoadRecordedImages(*set, paths);
+  absl::StatusOr<LoadedImages> loaded = LoadRecordedImages(set, paths);
   if (!loaded.ok()) {
     return absl::Status(loaded.status().code(),
                         absl::StrCat(description.string(), ": ", loaded.status().message()));
@@ -106,29 +102,28 @@ absl::StatusOr<int> Check(const std::string& input) {
   std::vector<std::string> errors = loaded->errors;
   notes.insert(notes.end(), loaded->remarks.begin(), loaded->remarks.end());
   if (loaded->eight_bit_files) {
-    notes.push_back(TakeNarrowNumbers(EightBitNumbers(set->camera), &*set, &images));
+    notes.push_back(TakeNarrowNumbers(EightBitNumbers(set.camera), &set, &images));
   }
-  if (set->posed) {
-    const RecordingCheck whole = CheckRecordings(*set, images);
+  if (set.posed) {
+    const RecordingCheck whole = CheckRecordings(set, images);
     errors.insert(errors.end(), whole.errors.begin(), whole.errors.end());
-    auto reduced = ReducePosedPlates(*set, images);
-    if (!reduced.ok()) return reduced.status();
-    *set = std::move(reduced->set);
-    images = std::move(reduced->raw_dn);
-    notes.insert(notes.end(), reduced->remarks.begin(), reduced->remarks.end());
-    for (std::string& note : StartFromImages(images, &*set)) notes.push_back(std::move(note));
+    SIGHTLINE_ASSIGN_OR_RETURN(auto reduced, ReducePosedPlates(set, images));
+    set = std::move(reduced.set);
+    images = std::move(reduced.raw_dn);
+    notes.insert(notes.end(), reduced.remarks.begin(), reduced.remarks.end());
+    for (std::string& note : StartFromImages(images, &set)) notes.push_back(std::move(note));
   }
-  RecordingCheck check = CheckRecordings(*set, images);
+  RecordingCheck check = CheckRecordings(set, images);
   if (check.narrow) {
-    notes.push_back(TakeNarrowNumbers(*check.narrow, &*set, &images));
-    check = CheckRecordings(*set, images);
+    notes.push_back(TakeNarrowNumbers(*check.narrow, &set, &images));
+    check = CheckRecordings(set, images);
   }
   check.warnings.insert(check.warnings.begin(), notes.begin(), notes.end());
   errors.insert(errors.end(), check.errors.begin(), check.errors.end());
 
   PrintText("file                 kind     mean DN  largest  saturated  line  remarks\n");
   for (size_t i = 0; i < images.size(); ++i) {
-    const RecordedImage& recording = set->recordings[i];
+    const RecordedImage& recording = set.recordings[i];
     const RecordingState& state = check.recordings[i];
     const char* kind = recording.kind == RecordingKind::kLaser  ? "laser"
                        : recording.kind == RecordingKind::kDark ? "dark"
@@ -143,9 +138,9 @@ absl::StatusOr<int> Check(const std::string& input) {
     }
     PrintText("%-20s %-7s %8.1f %8.0f %8.2f %%  %-4s  %s\n", recording.file.c_str(), kind,
               state.mean_dn, state.largest_dn, 100 * state.saturated_fraction,
-              set->format_version != 1 ? "-"
-              : state.line_found       ? "yes"
-                                       : "no",
+              set.format_version != 1 ? "-"
+              : state.line_found      ? "yes"
+                                      : "no",
               absl::StrJoin(state.remarks, "; ").c_str());
   }
   PrintText("\n");

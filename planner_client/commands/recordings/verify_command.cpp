@@ -11,6 +11,7 @@
 #include "absl/strings/str_format.h"
 #include "core/file/atomic_write.h"
 #include "core/json/strict_json.h"
+#include "core/status/status_macros.h"
 #include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/command_line/process/output_folder.h"
 #include "planner_client/command_line/process/print.h"
@@ -56,22 +57,19 @@ absl::StatusOr<int> Verify(VerifyOptions options) {
                      ": has flat-field and dark frames of a camera (EMVA 1288), verify is for "
                      "recordings of a plate; use sightline diagnose"));
   }
-  const auto set = ReadRecordedFolder(options.input, Shown::kPlate);
-  if (!set.ok()) return set.status();
-  if (options.out.empty()) options.out = (fs::path(set->folder) / "verification").string();
-  const auto out_lock = OpenOutputFolder(options.out);
-  if (!out_lock.ok()) return out_lock.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto set, ReadRecordedFolder(options.input, Shown::kPlate));
+  if (options.out.empty()) options.out = (fs::path(set.folder) / "verification").string();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto out_lock, OpenOutputFolder(options.out));
   v1::CreateVerificationRequest request;
-  *request.mutable_source()->mutable_recordings() = set->recordings;
+  *request.mutable_source()->mutable_recordings() = set.recordings;
   if (options.seed) request.set_seed(*options.seed);
 
   ProgressLine progress;
   WorkerClientOptions client;
-  auto worker = StartWorkerSession(options.worker, &progress, &client);
-  if (!worker.ok()) return worker.status();
-  const auto verification = VerifyRecordings(client, std::move(request), set->images);
+  SIGHTLINE_ASSIGN_OR_RETURN(auto worker, StartWorkerSession(options.worker, &progress, &client));
+  const auto verification = VerifyRecordings(client, std::move(request), set.images);
   progress.Finish();
-  if (!verification.ok()) return AboutInput(verification.status(), set->description_file);
+  if (!verification.ok()) return AboutInput(verification.status(), set.description_file);
 
   Print(*verification);
   for (const std::string& warning : verification->warnings()) {
@@ -79,12 +77,11 @@ absl::StatusOr<int> Verify(VerifyOptions options) {
   }
   const fs::path out = options.out;
   const std::string report = (out / "report.html").string();
-  absl::Status status =
-      WriteFileAtomically((out / "verification.json").string(), ToJson(*verification) + "\n");
-  if (!status.ok()) return status;
-  status = WriteFileAtomically((out / "verification.csv").string(), VerificationCsv(*verification));
-  if (!status.ok()) return status;
-  if (status = WriteVerificationReport(*verification, report); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(
+      WriteFileAtomically((out / "verification.json").string(), ToJson(*verification) + "\n"));
+  SIGHTLINE_RETURN_IF_ERROR(
+      WriteFileAtomically((out / "verification.csv").string(), VerificationCsv(*verification)));
+  SIGHTLINE_RETURN_IF_ERROR(WriteVerificationReport(*verification, report));
   for (const char* file : {"report.html", "report.json", "verification.json", "verification.csv"}) {
     PrintText("%s\n", fs::absolute(out / file).c_str());
   }

@@ -31,6 +31,7 @@
 #include "core/part/part_health.h"
 #include "core/process/program_path.h"
 #include "core/spelling/nearest_name.h"
+#include "core/status/status_macros.h"
 #include "core/text/length_unit.h"
 #include "core/text/number.h"
 #include "planner_client/command_line/process/exit_code.h"
@@ -173,41 +174,37 @@ absl::Status AskYesOrNo(const std::string& question, const std::string& usual, b
 // Asks for the kind of rig and for the settings that it has.
 absl::Status AskRig(NewInspectionOptions* options) {
   if (!options->rig_given) {
-    absl::Status asked = Ask(
+    SIGHTLINE_RETURN_IF_ERROR(Ask(
         "What is the rig: rigid (camera and laser in one housing), free (each on a stand of its "
         "own), turntable (moves the part), robot (moves the housing)?",
         options->rig, [&](const std::string& answer) {
           return TakeOneOf(answer, {"rigid", "free", "turntable", "robot"}, &options->rig);
-        });
-    if (!asked.ok()) return asked;
+        }));
     bool moves = true;
     if (options->rig == "free" || options->rig == "rigid") {
-      asked = AskYesOrNo("Does the table move in height?", "yes", &moves);
-      if (!asked.ok()) return asked;
+      SIGHTLINE_RETURN_IF_ERROR(AskYesOrNo("Does the table move in height?", "yes", &moves));
     }
     options->fixed_height = !moves;
     if (!options->angle_step_deg && options->rig != "robot") {
-      asked = Ask("Steps in which angles are set, in degrees; none: any angle", "none",
-                  [&](const std::string& answer) {
-                    return TakeNumber(answer, kAngleStep, &options->angle_step_deg);
-                  });
-      if (!asked.ok()) return asked;
+      SIGHTLINE_RETURN_IF_ERROR(Ask("Steps in which angles are set, in degrees; none: any angle",
+                                    "none", [&](const std::string& answer) {
+                                      return TakeNumber(answer, kAngleStep,
+                                                        &options->angle_step_deg);
+                                    }));
     }
   }
   const bool housing = options->rig == "rigid" || options->rig == "robot";
   if (housing && options->triangulation_angles_deg.empty()) {
-    absl::Status asked =
+    SIGHTLINE_RETURN_IF_ERROR(
         Ask("Triangulation angle of the housing in degrees", "30", [&](const std::string& answer) {
           return TakeNumbers(answer, kHousingAngle, &options->triangulation_angles_deg);
-        });
-    if (!asked.ok()) return asked;
+        }));
   }
   if (housing && options->stand_offs_mm.empty() && options->sensor.empty()) {
-    absl::Status asked =
+    SIGHTLINE_RETURN_IF_ERROR(
         Ask("Stand-off of the housing in mm", "250", [&](const std::string& answer) {
           return TakeNumbers(answer, kStandOff, &options->stand_offs_mm);
-        });
-    if (!asked.ok()) return asked;
+        }));
   }
   if (options->rig != "turntable" && options->rig != "robot") return absl::OkStatus();
   for (const auto& [question, value] :
@@ -239,24 +236,22 @@ absl::Status AskWhatIsMissing(NewInspectionOptions* options) {
       if (!asked.ok()) return asked;
     }
   }
-  if (absl::Status asked = AskRig(options); !asked.ok()) return asked;
+  SIGHTLINE_RETURN_IF_ERROR(AskRig(options));
   if (!options->holding_given && options->rig != "turntable") {
-    absl::Status asked =
+    SIGHTLINE_RETURN_IF_ERROR(
         Ask("How is the part held: resting (on the table), fixture (clamped as in the CAD file), "
             "free (in any orientation)?",
             options->holding, [&](const std::string& answer) {
               return TakeOneOf(answer, {"resting", "fixture", "free"}, &options->holding);
-            });
-    if (!asked.ok()) return asked;
+            }));
   }
   const bool has_lens = options->focal_length_mm || !options->lens.empty();
   const bool has_camera = !options->camera.empty() || !options->sensor.empty();
   if (!has_camera && !options->fov_deg && !has_lens) {
-    absl::Status asked = Ask("Vertical field of view of the camera in degrees", "45",
-                             [&](const std::string& answer) {
-                               return TakeNumber(answer, kFieldOfView, &options->fov_deg);
-                             });
-    if (!asked.ok()) return asked;
+    SIGHTLINE_RETURN_IF_ERROR(Ask("Vertical field of view of the camera in degrees", "45",
+                                  [&](const std::string& answer) {
+                                    return TakeNumber(answer, kFieldOfView, &options->fov_deg);
+                                  }));
   }
   // With a lens the field of view follows from the camera's pixels; no usual size stands for them.
   if (!has_camera && !options->fov_deg && has_lens && !options->pixel_pitch_um) {
@@ -267,13 +262,12 @@ absl::Status AskWhatIsMissing(NewInspectionOptions* options) {
     if (!asked.ok()) return asked;
   }
   if (!options->tolerance_mm && options->tolerances.empty()) {
-    absl::Status asked =
+    SIGHTLINE_RETURN_IF_ERROR(
         Ask("Full width of the surface's tolerance in mm, to plan until it can be proven; none: "
             "plan until the surface is covered",
             "none", [&](const std::string& answer) {
               return TakeNumber(answer, kZoneWidth.In(" mm", 1e3), &options->tolerance_mm);
-            });
-    if (!asked.ok()) return asked;
+            }));
   }
   return absl::OkStatus();
 }
@@ -346,29 +340,28 @@ absl::Status TakeDevices(const NewInspectionOptions& options, DraftRequest* requ
           "sensors are found by name, such as examples/catalogue");
     }
   }
-  const auto catalogue = ReadCatalogue(folder);
-  if (!catalogue.ok()) return catalogue.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto catalogue, ReadCatalogue(folder));
   ErrorList errors;
   if (!options.camera.empty()) {
-    auto camera = FindDevice(catalogue->cameras, "camera", options.camera, folder,
+    auto camera = FindDevice(catalogue.cameras, "camera", options.camera, folder,
                              [](const DeviceCamera& device) { return device.sensor.name; });
     if (errors.Add(camera.status())) {
       request->camera_file = FromFolderOf(options.out, camera->file);
       request->camera = *std::move(camera);
-      request->lenses = catalogue->lenses;
+      request->lenses = catalogue.lenses;
     }
   }
   const auto name_of = [](const auto& device) { return device.name; };
   if (!options.lens.empty()) {
-    auto lens = FindDevice(catalogue->lenses, "lens", options.lens, folder, name_of);
+    auto lens = FindDevice(catalogue.lenses, "lens", options.lens, folder, name_of);
     if (errors.Add(lens.status())) request->lens = *std::move(lens);
   }
   if (!options.laser.empty()) {
-    auto laser = FindDevice(catalogue->lasers, "laser", options.laser, folder, name_of);
+    auto laser = FindDevice(catalogue.lasers, "laser", options.laser, folder, name_of);
     if (errors.Add(laser.status())) request->laser = *std::move(laser);
   }
   if (!options.sensor.empty()) {
-    auto sensor = FindDevice(catalogue->profile_sensors, "sensor", options.sensor, folder, name_of);
+    auto sensor = FindDevice(catalogue.profile_sensors, "sensor", options.sensor, folder, name_of);
     if (errors.Add(sensor.status())) errors.Add(TakeProfileSensor(*std::move(sensor), request));
   }
   return errors.Status();
@@ -428,16 +421,15 @@ absl::Status TakeTolerances(const NewInspectionOptions& options, const TriangleM
   }
   request->tolerance_file = FromFolderOf(options.out, file);
   request->tolerance_unit = options.tolerances_unit;
-  const auto faces = FacesOf(*imported, part);
-  if (!faces.ok()) return faces.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto faces, FacesOf(*imported, part));
   const size_t described = imported->report.nominal_faces.size();
-  if (faces->size() < described) {
+  if (faces.size() < described) {
     PrintText(
         "tolerances: %zu of the %zu faces that features of %s have lie on the part; "
         "`sightline plan` names the tolerances of the others\n",
-        faces->size(), described, imported->report.file.c_str());
+        faces.size(), described, imported->report.file.c_str());
   }
-  request->toleranced_surfaces = TolerancedSurfacesOf(imported->report, *faces);
+  request->toleranced_surfaces = TolerancedSurfacesOf(imported->report, faces);
   return absl::OkStatus();
 }
 
@@ -451,9 +443,9 @@ absl::StatusOr<DraftRequest> MakeRequest(const NewInspectionOptions& options) {
   DraftRequest request;
   PartFileOptions part_options;
   part_options.construction_geometry = options.construction_geometry;
-  const auto part = LoadPartFile(options.part, options.unit, part_options);
-  if (!part.ok()) return part.status();
-  request.health = CheckPartHealth(*part);
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto part,
+                             LoadPartFile(options.part, options.unit, part_options));
+  request.health = CheckPartHealth(part);
   request.name = options.name.empty() ? fs::path(options.part).stem().string() : options.name;
   request.part_file = FromFolderOf(options.out, options.part);
   request.part_unit = options.unit;
@@ -481,21 +473,19 @@ absl::StatusOr<DraftRequest> MakeRequest(const NewInspectionOptions& options) {
   request.spacing_m = scaled(options.spacing_mm, 1e-3);
   request.tolerance_m = scaled(options.tolerance_mm, 1e-3);
   if (options.goal) request.goal = *options.goal;
-  if (absl::Status s = TakeDevices(options, &request); !s.ok()) return s;
-  if (absl::Status s = TakeTolerances(options, *part, &request); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(TakeDevices(options, &request));
+  SIGHTLINE_RETURN_IF_ERROR(TakeTolerances(options, part, &request));
   return request;
 }
 
 absl::Status New(NewInspectionOptions options) {
   if (!options.no_questions && isatty(STDIN_FILENO) != 0 && fs::exists(options.part)) {
-    if (absl::Status asked = AskWhatIsMissing(&options); !asked.ok()) return asked;
+    SIGHTLINE_RETURN_IF_ERROR(AskWhatIsMissing(&options));
   }
-  if (absl::Status checked = CheckOptions(options); !checked.ok()) return checked;
-  const auto request = MakeRequest(options);
-  if (!request.ok()) return request.status();
-  const auto draft = DraftInspection(*request);
-  if (!draft.ok()) return draft.status();
-  const std::string text = CommentedJson(draft->inspection, draft->comments);
+  SIGHTLINE_RETURN_IF_ERROR(CheckOptions(options));
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto request, MakeRequest(options));
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto draft, DraftInspection(request));
+  const std::string text = CommentedJson(draft.inspection, draft.comments);
   const fs::path folder = fs::path(options.out).parent_path();
   v1::Inspection read_back;
   absl::Status status = ParseStrictJson(text, options.out, &read_back);
@@ -506,13 +496,13 @@ absl::Status New(NewInspectionOptions options) {
   }
   if (status = WriteFileAtomically(options.out, text); !status.ok()) return status;
 
-  const Eigen::Vector3d mm = 1e3 * request->health.bounding_box_m.sizes();
+  const Eigen::Vector3d mm = 1e3 * request.health.bounding_box_m.sizes();
   PrintText("%s: %.4g x %.4g x %.4g mm, about %lld targets %.4g mm apart\n",
             fs::path(options.part).filename().c_str(), mm.x(), mm.y(), mm.z(),
-            static_cast<long long>(draft->expected_targets),
-            1e3 * draft->inspection.targets().spacing_m());
-  if (!draft->lens.empty()) PrintText("lens chosen: %s\n", draft->lens.c_str());
-  for (const std::string& finding : request->health.findings) {
+            static_cast<long long>(draft.expected_targets),
+            1e3 * draft.inspection.targets().spacing_m());
+  if (!draft.lens.empty()) PrintText("lens chosen: %s\n", draft.lens.c_str());
+  for (const std::string& finding : request.health.findings) {
     PrintText("part: %s\n", finding.c_str());
   }
   PrintText("written: %s\nnext:    sightline plan %s --out plan\n",

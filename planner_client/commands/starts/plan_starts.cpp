@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "core/status/status_macros.h"
 #include "planner_client/commands/planning/document/plan_document.h"
 
 namespace sightline {
@@ -25,9 +26,8 @@ void AddStartsOptions(CLI::App& app, StartsOptions* options) {
 
 absl::StatusOr<Shard> CheckStartsOptions(const StartsOptions& options, int64_t first_seed,
                                          const std::string& checkpoint, const std::string& other) {
-  auto part = ParseShard(options.part, checkpoint);
-  if (!part.ok()) return part.status();
-  if (part->count > options.count) {
+  SIGHTLINE_ASSIGN_OR_RETURN(auto part, ParseShard(options.part, checkpoint));
+  if (part.count > options.count) {
     return absl::InvalidArgumentError(
         absl::StrFormat("--part %s: there are %d starts (--starts), so at most as many shards",
                         options.part, options.count));
@@ -67,15 +67,13 @@ absl::StatusOr<std::vector<ChosenScan>> ScansOfStart(const PlanningSession& sess
   for (const StartResult::Scan& scan : start.scans) measurements.push_back(scan.measurement);
   std::vector<ChosenScan> scans;
   if (measurements.empty()) return scans;
-  auto exact = session.gain_model->ExactCoverage(measurements);
-  if (!exact.ok()) return exact.status();
-  auto fast = session.gain_model->FastCoverage(measurements);
-  if (!fast.ok()) return fast.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto exact, session.gain_model->ExactCoverage(measurements));
+  SIGHTLINE_ASSIGN_OR_RETURN(auto fast, session.gain_model->FastCoverage(measurements));
   for (size_t i = 0; i < measurements.size(); ++i) {
     scans.push_back({.measurement = measurements[i],
                      .locked = start.scans[i].locked,
-                     .exact = std::move((*exact)[i]),
-                     .fast_covered = (*fast)[i].covered.Count()});
+                     .exact = std::move(exact[i]),
+                     .fast_covered = fast[i].covered.Count()});
   }
   return scans;
 }

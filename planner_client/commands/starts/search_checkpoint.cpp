@@ -13,6 +13,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/digest/sha256.h"
 #include "core/process/program_build.h"
+#include "core/status/status_macros.h"
 #include "planner_client/command_line/process/print.h"
 #include "planner_client/multi_start/start_file.h"
 
@@ -103,7 +104,7 @@ absl::StatusOr<SearchCheckpoint> SearchCheckpoint::Open(const std::string& folde
   std::error_code error;
   fs::create_directories(folder, error);
   if (error) return absl::InternalError(absl::StrCat(folder, ": ", error.message()));
-  if (absl::Status same = question.files.CheckUnchanged(); !same.ok()) return same;
+  SIGHTLINE_RETURN_IF_ERROR(question.files.CheckUnchanged());
   checkpoint.answers_fingerprint_ = FingerprintOfAnswers(session, question, request);
   checkpoint.results_fingerprint_ =
       FingerprintOfResults(checkpoint.answers_fingerprint_, request, bound_evaluations);
@@ -112,11 +113,11 @@ absl::StatusOr<SearchCheckpoint> SearchCheckpoint::Open(const std::string& folde
 
 absl::Status SearchCheckpoint::KeepAnswers(const std::string& search, PlanningSession* session) {
   if (folder_.empty()) return absl::OkStatus();
-  auto journal = RecordReplayGainModel::Open(std::move(session->gain_model), AnswersFile(search),
-                                             answers_fingerprint_, SayAboutCheckpoint);
-  if (!journal.ok()) return journal.status();
-  journal_ = journal->get();
-  session->gain_model = *std::move(journal);
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      auto journal, RecordReplayGainModel::Open(std::move(session->gain_model), AnswersFile(search),
+                                                answers_fingerprint_, SayAboutCheckpoint));
+  journal_ = journal.get();
+  session->gain_model = std::move(journal);
   return absl::OkStatus();
 }
 
@@ -139,8 +140,7 @@ std::optional<StartResult> SearchCheckpoint::ResultOf(int64_t seed) const {
 absl::Status SearchCheckpoint::KeepResult(const StartResult& start,
                                           const std::string& search) const {
   if (folder_.empty()) return absl::OkStatus();
-  absl::Status written = WriteStart(start, results_fingerprint_, ResultFile(start.seed));
-  if (!written.ok()) return written;
+  SIGHTLINE_RETURN_IF_ERROR(WriteStart(start, results_fingerprint_, ResultFile(start.seed)));
   std::error_code ignored;
   fs::remove(AnswersFile(search), ignored);
   return absl::OkStatus();

@@ -9,6 +9,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -87,13 +88,10 @@ absl::Status CheckSizes(const v1::Diagnosis& diagnosis) {
       }
     }
   }
-  if (const absl::Status status = CheckTerm("free_form", diagnosis.free_form()); !status.ok()) {
-    return status;
-  }
+  SIGHTLINE_RETURN_IF_ERROR(CheckTerm("free_form", diagnosis.free_form()));
   for (int k = 0; k < diagnosis.further_free_forms_size(); ++k) {
-    const absl::Status status =
-        CheckTerm(absl::StrFormat("further_free_forms[%d]", k), diagnosis.further_free_forms(k));
-    if (!status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(
+        CheckTerm(absl::StrFormat("further_free_forms[%d]", k), diagnosis.further_free_forms(k)));
   }
   return absl::OkStatus();
 }

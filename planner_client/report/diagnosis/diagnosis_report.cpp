@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "core/json/strict_json.h"
+#include "core/status/status_macros.h"
 #include "core/text/number_text.h"
 #include "planner_client/report/diagnosis/check_sizes.h"
 #include "planner_client/report/diagnosis/diagnosis_text.h"
@@ -135,7 +136,7 @@ ReportBlocks ProvenanceBlocks(const v1::Diagnosis& diagnosis) {
 
 absl::StatusOr<v1::Report> DiagnosisReport(const v1::Diagnosis& diagnosis,
                                            const std::string& set_folder) {
-  if (absl::Status status = CheckSizes(diagnosis); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(CheckSizes(diagnosis));
   const DiagnosisView view(diagnosis, set_folder);
   const std::string set = diagnosis.set().empty() ? "Recordings" : diagnosis.set();
   v1::Report report;
@@ -172,9 +173,8 @@ absl::StatusOr<v1::Report> DiagnosisReport(const v1::Diagnosis& diagnosis,
 
 absl::Status WriteDiagnosisReport(const v1::Diagnosis& diagnosis, const std::string& set_folder,
                                   const std::string& path) {
-  const absl::StatusOr<v1::Report> report = DiagnosisReport(diagnosis, set_folder);
-  if (!report.ok()) return report.status();
-  return WriteReport(*report, path);
+  SIGHTLINE_ASSIGN_OR_RETURN(const v1::Report report, DiagnosisReport(diagnosis, set_folder));
+  return WriteReport(report, path);
 }
 
 }  // namespace sightline

@@ -6,6 +6,7 @@
 
 #include "core/file/atomic_write.h"
 #include "core/json/strict_json.h"
+#include "core/status/status_macros.h"
 #include "planner_client/report/page/assets.h"
 #include "planner_client/report/page/html.h"
 #include "planner_client/report/page/page_template.h"
@@ -50,9 +51,7 @@ std::string ReportDataPath(const std::string& page_path) {
 
 absl::Status WriteReport(const v1::Report& report, const std::string& page_path) {
   const std::string data_path = ReportDataPath(page_path);
-  if (absl::Status status = WriteFileAtomically(data_path, ToJson(report)); !status.ok()) {
-    return status;
-  }
+  SIGHTLINE_RETURN_IF_ERROR(WriteFileAtomically(data_path, ToJson(report)));
   return WriteFileAtomically(
       page_path, ReportPage(report, std::filesystem::path(data_path).filename().string()));
 }

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/status/status_macros.h"
 #include "planner_client/raw_image/raw_png.h"
 #include "planner_client/report/page/number_text.h"
 
@@ -113,9 +114,8 @@ absl::StatusOr<v1::ReportBlock> ViewPicture(const SurfaceDeviations& surface,
                   DeviationColour(static_cast<double>(surface.deviations_m[t]), surface.scale_m));
     }
   }
-  auto png = picture.Png("deviation");
-  if (!png.ok()) return png.status();
-  return PictureBlock(*png, view.name, std::string("Deviation of the part seen ") + view.name);
+  SIGHTLINE_ASSIGN_OR_RETURN(auto png, picture.Png("deviation"));
+  return PictureBlock(png, view.name, std::string("Deviation of the part seen ") + view.name);
 }
 
 // Colours from minus to plus `scale_m`.
@@ -129,10 +129,9 @@ absl::StatusOr<v1::ReportBlock> ScalePicture(double scale_m) {
       values.insert(values.end(), colour.begin(), colour.end());
     }
   }
-  auto png = EncodePng(values, kColumns_px, kRows_px, true);
-  if (!png.ok()) return png.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto png, EncodePng(values, kColumns_px, kRows_px, true));
   const std::string end = FixedNumber(1e3 * scale_m, 3);
-  return PictureBlock(*png,
+  return PictureBlock(png,
                       absl::StrCat("Deviation from the model along the normal, from \u2212", end,
                                    " mm (inside, blue) to +", end, " mm (outside, red)"),
                       "Scale of deviations");
@@ -158,17 +157,15 @@ absl::StatusOr<ReportBlocks> DeviationViews(const SurfaceDeviations& surface) {
   if (targets.size() == 0) return ReportBlocks();
   Eigen::AlignedBox3f box;
   for (const Eigen::Vector3f& position : targets.positions_m) box.extend(position);
-  auto scale = ScalePicture(surface.scale_m);
-  if (!scale.ok()) return scale.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto scale, ScalePicture(surface.scale_m));
   ReportBlocks views;
   for (const AxisView& view : AxisViews()) {
     const std::vector<uint32_t> seen = TargetsSeen(targets, view);
     if (seen.empty()) continue;
-    auto picture = ViewPicture(surface, box, view, seen);
-    if (!picture.ok()) return picture.status();
-    views.push_back(*std::move(picture));
+    SIGHTLINE_ASSIGN_OR_RETURN(auto picture, ViewPicture(surface, box, view, seen));
+    views.push_back(std::move(picture));
   }
-  return ReportBlocks{*std::move(scale), RemarkBlock("Hollow dots were not measured."),
+  return ReportBlocks{std::move(scale), RemarkBlock("Hollow dots were not measured."),
                       GroupBlock(v1::ReportGroup::THREE_COLUMNS, std::move(views))};
 }
 

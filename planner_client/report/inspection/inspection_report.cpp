@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "core/status/status_macros.h"
 #include "planner_client/report/document/report_parts.h"
 #include "planner_client/report/page/number_text.h"
 
@@ -144,8 +145,7 @@ ReportBlocks PoseBlocks(const v1::AsMeasured& m) {
 
 absl::StatusOr<v1::Report> InspectionReport(const v1::InspectionResult& result,
                                             const SurfaceDeviations& surface) {
-  auto views = DeviationViews(surface);
-  if (!views.ok()) return views.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto views, DeviationViews(surface));
   std::array<int64_t, 5> counts{};
   for (const v1::InspectedFeature& f : result.features()) {
     ++counts[static_cast<size_t>(f.decision())];
@@ -174,7 +174,7 @@ absl::StatusOr<v1::Report> InspectionReport(const v1::InspectionResult& result,
   *report.mutable_warnings() = result.warnings();
   AddSection(&report, "features", "Features", InspectedFeatureBlocks(result));
   AddSection(&report, "next", "Next scan", NextScanBlocks(result));
-  AddSection(&report, "surface", "Surface", *std::move(views));
+  AddSection(&report, "surface", "Surface", std::move(views));
   AddSection(&report, "profiles", "Profiles", ProfileBlocks(result));
   AddSection(&report, "scans", "Scans", ScanBlocks(result));
   AddSection(&report, "pose", "Pose of the part (± two standard deviations)",

@@ -8,6 +8,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "core/status/status_macros.h"
 #include "planner_client/report/page/html.h"
 #include "planner_client/report/plan/plan_scene.h"
 #include "planner_client/report/plan/sections/as_measured_section.h"
@@ -157,7 +158,7 @@ void AddUncertaintySections(const ReportData& data, v1::Report* report) {
 }  // namespace
 
 absl::StatusOr<v1::Report> PlanReport(const ReportData& data) {
-  if (absl::Status status = CheckReportData(data); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(CheckReportData(data));
   const v1::Plan& plan = data.plan;
   TargetBits uncovered = data.measurable, covered(data.targets.size());
   for (const ReportScan& scan : data.scans) covered |= scan.covered;
@@ -181,10 +182,10 @@ absl::StatusOr<v1::Report> PlanReport(const ReportData& data) {
   AddSection(&report, "view", "The part and its scans", {SceneBlock(data, display, regions)});
   AddUncertaintySections(data, &report);
   if (plan.has_as_measured()) {
-    auto blocks = AsMeasuredBlocks(plan.as_measured(), plan.scans_size(), plan.has_uncertainty(),
-                                   data.deviations);
-    if (!blocks.ok()) return blocks.status();
-    AddSection(&report, "as-measured", "As measured", *blocks);
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        auto blocks, AsMeasuredBlocks(plan.as_measured(), plan.scans_size(), plan.has_uncertainty(),
+                                      data.deviations));
+    AddSection(&report, "as-measured", "As measured", blocks);
   }
   if (data.pareto.has_value()) {
     AddSection(&report, "pareto", "Fewer scans or less time", ParetoBlocks(*data.pareto));

@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "core/status/status_macros.h"
 #include "planner_client/report/document/report_page.h"
 #include "planner_client/report/document/report_parts.h"
 #include "planner_client/report/page/number_text.h"
@@ -283,7 +284,7 @@ absl::Status CheckCurves(const v1::SensorDiagnosis& diagnosis) {
 }  // namespace
 
 absl::StatusOr<v1::Report> SensorReport(const v1::SensorDiagnosis& diagnosis) {
-  if (absl::Status status = CheckCurves(diagnosis); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(CheckCurves(diagnosis));
   const SensorView view(diagnosis);
   const std::string set = diagnosis.set().empty() ? "Camera" : diagnosis.set();
   v1::Report report;
@@ -305,9 +306,8 @@ absl::StatusOr<v1::Report> SensorReport(const v1::SensorDiagnosis& diagnosis) {
 }
 
 absl::Status WriteSensorReport(const v1::SensorDiagnosis& diagnosis, const std::string& path) {
-  const absl::StatusOr<v1::Report> report = SensorReport(diagnosis);
-  if (!report.ok()) return report.status();
-  return WriteReport(*report, path);
+  SIGHTLINE_ASSIGN_OR_RETURN(const v1::Report report, SensorReport(diagnosis));
+  return WriteReport(report, path);
 }
 
 }  // namespace sightline

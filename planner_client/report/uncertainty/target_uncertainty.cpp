@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -65,7 +66,7 @@ absl::Status CheckTargetUncertainties(const TargetUncertainties& uncertainties, 
     if (values == &uncertainties.registration_m && values->empty()) continue;
     if (values->size() != targets)
       return WrongSize(context, field, values->size(), targets, "number of targets");
-    if (absl::Status status = CheckValues(context, field, *values); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(CheckValues(context, field, *values));
   }
   if (!(std::isfinite(uncertainties.relaxed_m) && uncertainties.relaxed_m >= 0)) {
     return absl::InvalidArgumentError(absl::StrFormat(
@@ -92,12 +93,9 @@ absl::Status CheckTargetUncertainties(const TargetUncertainties& uncertainties, 
       return absl::InvalidArgumentError(
           absl::StrFormat("%s: %s.positions_m[%d] is not finite", context, field, p));
     }
-    if (absl::Status status = CheckValues(context, field + ".detection_m", maps[i].detection_m);
-        !status.ok())
-      return status;
-    if (absl::Status status = CheckValues(context, field + ".calibration_m", maps[i].calibration_m);
-        !status.ok())
-      return status;
+    SIGHTLINE_RETURN_IF_ERROR(CheckValues(context, field + ".detection_m", maps[i].detection_m));
+    SIGHTLINE_RETURN_IF_ERROR(
+        CheckValues(context, field + ".calibration_m", maps[i].calibration_m));
   }
   const auto& lists = uncertainties.feature_targets;
   if (!lists.empty() && lists.size() != features)

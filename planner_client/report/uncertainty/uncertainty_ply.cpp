@@ -12,6 +12,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -82,11 +83,9 @@ absl::StatusOr<std::string> UncertaintyPly(const TargetSet& targets,
         "uncertainty PLY: %s has size %d, must be %d (number of targets)", field, size, count));
   }
   // Scans and features do not come into the file.
-  if (absl::Status status =
-          CheckTargetUncertainties(uncertainties, count, uncertainties.scan_sensitivities.size(),
-                                   uncertainties.feature_targets.size(), "uncertainty PLY");
-      !status.ok())
-    return status;
+  SIGHTLINE_RETURN_IF_ERROR(
+      CheckTargetUncertainties(uncertainties, count, uncertainties.scan_sensitivities.size(),
+                               uncertainties.feature_targets.size(), "uncertainty PLY"));
   std::string bytes = absl::StrCat(
       "ply\nformat binary_little_endian 1.0\ncomment lengths in metres, part coordinates\n"
       "comment standard uncertainty along the normal and its parts; admissible_m 0: not "

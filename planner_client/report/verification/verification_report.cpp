@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "core/status/status_macros.h"
 #include "planner_client/report/document/report_page.h"
 #include "planner_client/report/document/report_parts.h"
 #include "planner_client/report/page/number_text.h"
@@ -196,7 +197,7 @@ v1::ReportFact ErrorFact(const v1::Verification& verification, const char* name,
 }  // namespace
 
 absl::StatusOr<v1::Report> VerificationReport(const v1::Verification& verification) {
-  if (absl::Status status = CheckProfiles(verification); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(CheckProfiles(verification));
   const std::string name = verification.set().empty() ? "Recordings" : verification.set();
   v1::Report report;
   report.set_title(absl::StrCat(name, " \u2013 verification"));
@@ -224,9 +225,8 @@ absl::StatusOr<v1::Report> VerificationReport(const v1::Verification& verificati
 
 absl::Status WriteVerificationReport(const v1::Verification& verification,
                                      const std::string& path) {
-  const absl::StatusOr<v1::Report> report = VerificationReport(verification);
-  if (!report.ok()) return report.status();
-  return WriteReport(*report, path);
+  SIGHTLINE_ASSIGN_OR_RETURN(const v1::Report report, VerificationReport(verification));
+  return WriteReport(report, path);
 }
 
 }  // namespace sightline

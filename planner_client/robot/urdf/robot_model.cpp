@@ -19,6 +19,7 @@
 #include "core/file/no_such_file.h"
 #include "core/json/strict_json.h"
 #include "core/part/part_digest.h"
+#include "core/status/status_macros.h"
 #include "core/text/number_text.h"
 #include "planner_client/robot/urdf/robot_mesh.h"
 #include "planner_client/robot/urdf/urdf_file.h"
@@ -47,24 +48,23 @@ class Reader {
   explicit Reader(const RobotMount& mount) : mount_(mount) {}
 
   absl::StatusOr<RobotModel> Read() {
-    auto file = ReadUrdfFile(mount_.urdf_file);
-    if (!file.ok()) return file.status();
-    urdf_ = file->model;
-    model_.remarks = file->remarks;
-    joints_with_limits_ = std::move(file->joints_with_limits);
-    joints_with_soft_limits_ = std::move(file->joints_with_soft_limits);
-    digest_.Update(file->digest);
+    SIGHTLINE_ASSIGN_OR_RETURN(auto file, ReadUrdfFile(mount_.urdf_file));
+    urdf_ = file.model;
+    model_.remarks = file.remarks;
+    joints_with_limits_ = std::move(file.joints_with_limits);
+    joints_with_soft_limits_ = std::move(file.joints_with_soft_limits);
+    digest_.Update(file.digest);
     if (urdf_->links_.size() > kMostLinks) {
       return Bad(absl::StrCat("has ", urdf_->links_.size(), " links, at most ", kMostLinks));
     }
     model_.name = urdf_->getName();
-    if (auto status = AddLinks(); !status.ok()) return status;
-    if (auto status = FindChain(); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(AddLinks());
+    SIGHTLINE_RETURN_IF_ERROR(FindChain());
     for (size_t i = 0; i < model_.links.size(); ++i) {
-      if (auto status = AddShapes(i); !status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(AddShapes(i));
     }
     RemarkOnMissingSolids();
-    if (auto status = SetHome(); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(SetHome());
     model_.digest = digest_.Hex();
     return std::move(model_);
   }
@@ -84,7 +84,7 @@ class Reader {
 
   absl::StatusOr<Eigen::Isometry3d> PoseOf(const urdf::Pose& pose, const std::string& where) const {
     for (const double value : {pose.position.x, pose.position.y, pose.position.z}) {
-      if (auto s = CheckLength(value, where + ": origin xyz", false); !s.ok()) return s;
+      SIGHTLINE_RETURN_IF_ERROR(CheckLength(value, where + ": origin xyz", false));
     }
     const urdf::Rotation& r = pose.rotation;
     Eigen::Quaterniond turn(r.w, r.x, r.y, r.z);
@@ -111,10 +111,8 @@ class Reader {
       added.name = link->name;
       if (const urdf::JointSharedPtr& joint = link->parent_joint; joint) {
         added.parent = index_.at(joint->parent_link_name);
-        auto origin =
-            PoseOf(joint->parent_to_joint_origin_transform, absl::StrCat("joint ", joint->name));
-        if (!origin.ok()) return origin.status();
-        added.origin = *origin;
+        SIGHTLINE_ASSIGN_OR_RETURN(added.origin, PoseOf(joint->parent_to_joint_origin_transform,
+                                                        absl::StrCat("joint ", joint->name)));
       }
       model_.links.push_back(std::move(added));
       source_.push_back(link);
@@ -144,13 +142,9 @@ class Reader {
 
   absl::Status FindChain() {
     if (!mount_.base_link.empty()) {
-      auto base = LinkNamed(mount_.base_link, "base_link");
-      if (!base.ok()) return base.status();
-      model_.base = *base;
+      SIGHTLINE_ASSIGN_OR_RETURN(model_.base, LinkNamed(mount_.base_link, "base_link"));
     }
-    auto tip = LinkNamed(mount_.tip_link, "tip_link");
-    if (!tip.ok()) return tip.status();
-    model_.tip = *tip;
+    SIGHTLINE_ASSIGN_OR_RETURN(model_.tip, LinkNamed(mount_.tip_link, "tip_link"));
     std::vector<int> chain;
     int link = model_.tip;
     for (; link >= 0 && link != model_.base; link = model_.links[link].parent)
@@ -161,12 +155,12 @@ class Reader {
     }
     std::reverse(chain.begin(), chain.end());
     for (const int i : chain) {
-      if (auto status = AddJoint(*source_[i]->parent_joint, i); !status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(AddJoint(*source_[i]->parent_joint, i));
     }
     for (size_t i = 0; i < model_.links.size(); ++i) {
       if (model_.links[i].joint >= 0) continue;
       RemarkOnMimic(i);
-      if (auto status = RestLink(i); !status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(RestLink(i));
     }
     if (model_.joints.empty()) {
       return Bad(absl::StrCat("has no movable joint between ", model_.links[model_.base].name,
@@ -249,8 +243,7 @@ class Reader {
         return Bad(where + ": is neither fixed, revolute, continuous nor prismatic");
     }
     if (joint.mimic) return Bad(where + ": mimics another joint, which a chain must not");
-    auto axis = AxisOf(joint);
-    if (!axis.ok()) return axis.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(auto axis, AxisOf(joint));
     if (!joint.limits) return Bad(where + ": has no <limit>, whose velocity is needed");
     added.max_speed = joint.limits->velocity;
     if (!std::isfinite(added.max_speed) || !(added.max_speed > 0)) {
@@ -262,12 +255,11 @@ class Reader {
           absl::StrCat(where, ": limit velocity is ", NumberText(added.max_speed),
                        " rad/s, more than arms and tables do; is it in deg/s?"));
     }
-    const auto range = RangeOf(joint);
-    if (!range.ok()) return range.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto range, RangeOf(joint));
     RemarkOnUnusedLimits(joint);
-    added.min = range->first;
-    added.max = range->second;
-    model_.links[link].axis = *axis;
+    added.min = range.first;
+    added.max = range.second;
+    model_.links[link].axis = axis;
     model_.links[link].joint = static_cast<int>(model_.joints.size());
     model_.joints.push_back(std::move(added));
     return absl::OkStatus();
@@ -317,15 +309,13 @@ class Reader {
     if (joint->limits->lower <= 0 && joint->limits->upper >= 0 && soft_at_0) {
       return absl::OkStatus();
     }
-    const auto range = RangeOf(*joint);
-    if (!range.ok()) return range.status();
-    const double at = std::clamp(0.0, range->first, range->second);
-    auto axis = AxisOf(*joint);
-    if (!axis.ok()) return axis.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto range, RangeOf(*joint));
+    const double at = std::clamp(0.0, range.first, range.second);
+    SIGHTLINE_ASSIGN_OR_RETURN(auto axis, AxisOf(*joint));
     if (rotary) {
-      model_.links[i].origin.rotate(Eigen::AngleAxisd(at, *axis));
+      model_.links[i].origin.rotate(Eigen::AngleAxisd(at, axis));
     } else {
-      model_.links[i].origin.translate(at * *axis);
+      model_.links[i].origin.translate(at * axis);
     }
     return absl::OkStatus();
   }
@@ -418,15 +408,14 @@ class Reader {
         return Bad(absl::StrCat("has more than ", kMostShapes, " solids"));
       }
       if (!collision || !collision->geometry) return Bad(where + ": <collision> has no <geometry>");
-      auto pose = PoseOf(collision->origin, where + ": collision");
-      if (!pose.ok()) return pose.status();
+      SIGHTLINE_ASSIGN_OR_RETURN(auto pose, PoseOf(collision->origin, where + ": collision"));
       Shape shape;
-      shape.pose = *pose;
+      shape.pose = pose;
       switch (collision->geometry->type) {
         case urdf::Geometry::BOX: {
           const auto& box = static_cast<const urdf::Box&>(*collision->geometry);
           for (const double size : {box.dim.x, box.dim.y, box.dim.z}) {
-            if (auto s = CheckLength(size, where + ": box size", true); !s.ok()) return s;
+            SIGHTLINE_RETURN_IF_ERROR(CheckLength(size, where + ": box size", true));
           }
           shape.solid = BoxShape{{box.dim.x, box.dim.y, box.dim.z}};
           break;
@@ -434,22 +423,20 @@ class Reader {
         case urdf::Geometry::CYLINDER: {
           const auto& cylinder = static_cast<const urdf::Cylinder&>(*collision->geometry);
           for (const double size : {cylinder.radius, cylinder.length}) {
-            if (auto s = CheckLength(size, where + ": cylinder", true); !s.ok()) return s;
+            SIGHTLINE_RETURN_IF_ERROR(CheckLength(size, where + ": cylinder", true));
           }
           shape.solid = CylinderShape{cylinder.radius, cylinder.length};
           break;
         }
         case urdf::Geometry::SPHERE: {
           const auto& sphere = static_cast<const urdf::Sphere&>(*collision->geometry);
-          if (auto s = CheckLength(sphere.radius, where + ": sphere radius", true); !s.ok())
-            return s;
+          SIGHTLINE_RETURN_IF_ERROR(CheckLength(sphere.radius, where + ": sphere radius", true));
           shape.solid = SphereShape{sphere.radius};
           break;
         }
         case urdf::Geometry::MESH: {
-          auto mesh = MeshOf(static_cast<const urdf::Mesh&>(*collision->geometry), where);
-          if (!mesh.ok()) return mesh.status();
-          shape.solid = *std::move(mesh);
+          SIGHTLINE_ASSIGN_OR_RETURN(
+              shape.solid, MeshOf(static_cast<const urdf::Mesh&>(*collision->geometry), where));
           break;
         }
       }

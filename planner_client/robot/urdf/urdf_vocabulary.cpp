@@ -16,6 +16,7 @@
 #include "absl/strings/str_split.h"
 #include "core/spelling/nearest_name.h"
 #include "core/spelling/one_of.h"
+#include "core/status/status_macros.h"
 #include "core/text/number.h"
 
 namespace sightline {
@@ -221,7 +222,7 @@ class Checker {
       const char* name = node.Attribute("name");
       where = absl::StrCat(element.name, " ", name == nullptr ? "without a name" : name, ": ");
     }
-    if (auto status = CheckAttributes(node, element, where); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(CheckAttributes(node, element, where));
     return CheckChildren(node, element, where);
   }
 
@@ -342,7 +343,7 @@ class Checker {
                    absl::StrCat(InAngles(element.name), ": has a second ", InAngles(name),
                                 ", must have one"));
       }
-      if (auto status = Check(*inner, *known, where); !status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(Check(*inner, *known, where));
     }
     for (const UrdfElement& required : UrdfElements()) {
       if (required.count != Count::kOne || !StandsIn(required, element.name)) continue;

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "core/random/random.h"
+#include "core/status/status_macros.h"
 #include "planner_client/optimise/climb.h"
 #include "planner_client/optimise/maximise.h"
 #include "planner_client/strategy/execution/setup_choice.h"
@@ -99,18 +100,18 @@ class LeastTimePlanner {
 
  private:
   absl::Status Search() {
-    if (auto status = AddPlan(); !status.ok()) return status;
-    if (auto status = FillPool(); !status.ok()) return status;
-    if (auto status = SearchPlaces(); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(AddPlan());
+    SIGHTLINE_RETURN_IF_ERROR(FillPool());
+    SIGHTLINE_RETURN_IF_ERROR(SearchPlaces());
     int rounds_without_progress = 0;
     while (rounds_without_progress < 2) {
       const double before_s = best_time_s_;
       Choose();
-      if (auto status = Check(); !status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(Check());
       rounds_without_progress = best_time_s_ < before_s - 1 ? 0 : rounds_without_progress + 1;
       if (OutOfBudget()) break;
-      if (auto status = PolishScans(); !status.ok()) return status;
-      if (auto status = PolishPlaces(); !status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(PolishScans());
+      SIGHTLINE_RETURN_IF_ERROR(PolishPlaces());
     }
     return absl::OkStatus();
   }
@@ -140,10 +141,9 @@ class LeastTimePlanner {
       if (run_.Stopped()) return absl::CancelledError("planning was stopped");
       const size_t count = std::min(kBatch, measurements.size() - begin);
       const std::span<const Measurement> batch(measurements.data() + begin, count);
-      auto coverage = run_.gain_model().FastCoverage(batch);
-      if (!coverage.ok()) return coverage.status();
+      SIGHTLINE_ASSIGN_OR_RETURN(auto coverage, run_.gain_model().FastCoverage(batch));
       for (size_t i = 0; i < count; ++i) {
-        ScanCoverage& c = (*coverage)[i];
+        ScanCoverage& c = coverage[i];
         const bool feasible = c.feasibility == ScanFeasibility::kFeasible;
         if ((!feasible && !even_if_infeasible) || scans_.size() >= kMostPool) {
           indices.push_back(std::nullopt);
@@ -172,9 +172,8 @@ class LeastTimePlanner {
         if (scan.locked == locked) measurements.push_back(scan.measurement);
       }
     }
-    auto indices = AddToPool(measurements, true);
-    if (!indices.ok()) return indices.status();
-    for (const auto& index : *indices) plan_.push_back(*index);
+    SIGHTLINE_ASSIGN_OR_RETURN(auto indices, AddToPool(measurements, true));
+    for (const auto& index : indices) plan_.push_back(*index);
     // The plan's surplus over the goal need not be kept.
     const double spare =
         std::max<double>(0, static_cast<double>(given_.score.Claimed() - run_.goal_targets()));
@@ -234,12 +233,11 @@ class LeastTimePlanner {
     std::vector<Measurement> others;
     const size_t stride = candidates_.size() / kMostCandidates + 1;
     for (size_t i = 0; i < candidates_.size(); i += stride) others.push_back(candidates_[i]);
-    auto indices = AddToPool(others);
-    if (!indices.ok()) return indices.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(auto indices, AddToPool(others));
     std::vector<size_t> order(others.size());
     std::iota(order.begin(), order.end(), size_t{0});
     const auto settles = [&](size_t i) {
-      return (*indices)[i] ? scans_[*(*indices)[i]].shares.targets.size() : 0;
+      return indices[i] ? scans_[*indices[i]].shares.targets.size() : 0;
     };
     std::stable_sort(order.begin(), order.end(),
                      [&](size_t a, size_t b) { return settles(a) > settles(b); });
@@ -284,10 +282,9 @@ class LeastTimePlanner {
     for (const size_t place : best) {
       std::vector<float> known = run_.NothingKnown();
       for (int i = 0; i < kScansPerPlace; ++i) {
-        auto found = SearchScan(places_[place], known, each);
-        if (!found.ok()) return found.status();
-        if (!*found) break;
-        AddShares(scans_[**found].shares, known);
+        SIGHTLINE_ASSIGN_OR_RETURN(auto found, SearchScan(places_[place], known, each));
+        if (!found) break;
+        AddShares(scans_[*found].shares, known);
       }
     }
     return absl::OkStatus();
@@ -303,11 +300,10 @@ class LeastTimePlanner {
       for (const auto& x : points) {
         measurements.push_back(AtPlaceOf(model_, place, space.ToMeasurement(x)));
       }
-      auto gains = run_.gain_model().Gains(measurements, known);
-      if (!gains.ok()) return gains.status();
+      SIGHTLINE_ASSIGN_OR_RETURN(auto gains, run_.gain_model().Gains(measurements, known));
       std::vector<double> values;
-      for (size_t i = 0; i < gains->size(); ++i) {
-        const ScanGain& gain = (*gains)[i];
+      for (size_t i = 0; i < gains.size(); ++i) {
+        const ScanGain& gain = gains[i];
         // The height that a place has with another resting face may lie outside the domain.
         const bool possible = gain.feasibility == ScanFeasibility::kFeasible &&
                               run_.request().domain.Contains(measurements[i]);
@@ -344,13 +340,13 @@ class LeastTimePlanner {
     MaximiseOptions options;
     options.periodic = space.periodic();
     options.population = kSwarmAtPlace;
-    auto best = Maximise(Method::kParticleSwarm, space.dimension(),
-                         GainAt(space, place, known, &top), evaluations, random_.Bits(), options);
-    if (!best.ok()) return best.status();
-    auto indices = AddTop(space, place, top);
-    if (!indices.ok()) return indices.status();
-    if (indices->empty()) return std::nullopt;
-    return indices->front();
+    SIGHTLINE_RETURN_IF_ERROR(Maximise(Method::kParticleSwarm, space.dimension(),
+                                       GainAt(space, place, known, &top), evaluations,
+                                       random_.Bits(), options)
+                                  .status());
+    SIGHTLINE_ASSIGN_OR_RETURN(auto indices, AddTop(space, place, top));
+    if (indices.empty()) return std::nullopt;
+    return indices.front();
   }
 
   void Choose() {
@@ -372,24 +368,22 @@ class LeastTimePlanner {
       const double time_s = EstimatedTimeS(scans);
       const bool limited = run_.request().goal.LimitsExecution();
       if (!limited && time_s >= best_time_s_ - 1) return absl::OkStatus();
-      auto exact = run_.Exact(scans);
-      if (!exact.ok()) return exact.status();
+      SIGHTLINE_ASSIGN_OR_RETURN(auto exact, run_.Exact(scans));
       bool feasible = true;
       for (size_t i = fixed_; i < plan_.size(); ++i) {
-        if ((*exact)[i]->feasibility == ScanFeasibility::kFeasible) continue;
+        if (exact[i]->feasibility == ScanFeasibility::kFeasible) continue;
         feasible = false;
         scans_[plan_[i]].shares = {};
         pool_.Empty(plan_[i]);
       }
       const double over_s =
-          limits_.time_s ? TimeByFramesS(scans, *exact) - *run_.request().goal.execution_time_s : 0;
+          limits_.time_s ? TimeByFramesS(scans, exact) - *run_.request().goal.execution_time_s : 0;
       if (feasible && over_s > 0) {
         // Estimates of scan times were too low.
         *limits_.time_s -= over_s + 1e-6;
       } else if (feasible) {
-        auto score = run_.Score(scans, true);
-        if (!score.ok()) return score.status();
-        const int64_t satisfied = std::min(score->Claimed(), needed_);
+        SIGHTLINE_ASSIGN_OR_RETURN(auto score, run_.Score(scans, true));
+        const int64_t satisfied = std::min(score.Claimed(), needed_);
         if (satisfied > best_satisfied_ ||
             (satisfied == best_satisfied_ && time_s < best_time_s_)) {
           if (satisfied >= needed_ || limited) {
@@ -422,16 +416,15 @@ class LeastTimePlanner {
       TopPoints top(kKeptAtPlace, 0.005);
       const BatchObjective objective = GainAt(space, place, known, &top);
       std::vector<double> x = space.ToUnit(place);
-      auto own = objective(std::span(&x, 1));
-      if (!own.ok()) return own.status();
-      auto climbed = Climb(
-          x, own->front(), 2, objective,
-          [&](std::span<const double> y) { return space.Normalise(y); }, random_);
-      if (!climbed.ok()) return climbed.status();
-      auto indices = AddTop(space, place, top);
-      if (!indices.ok()) return indices.status();
-      if (climbed->value > own->front() && !indices->empty() && indices->front()) {
-        plan_[i] = *indices->front();
+      SIGHTLINE_ASSIGN_OR_RETURN(auto own, objective(std::span(&x, 1)));
+      SIGHTLINE_ASSIGN_OR_RETURN(
+          auto climbed,
+          Climb(
+              x, own.front(), 2, objective,
+              [&](std::span<const double> y) { return space.Normalise(y); }, random_));
+      SIGHTLINE_ASSIGN_OR_RETURN(auto indices, AddTop(space, place, top));
+      if (climbed.value > own.front() && !indices.empty() && indices.front()) {
+        plan_[i] = *indices.front();
       }
     }
     return absl::OkStatus();
@@ -444,7 +437,7 @@ class LeastTimePlanner {
     for (size_t i = 0; i < fixed_; ++i) places.erase(setup_[plan_[i]].place);
     for (const size_t place : places) {
       if (OutOfBudget()) break;
-      if (auto status = PolishPlace(place); !status.ok()) return status;
+      SIGHTLINE_RETURN_IF_ERROR(PolishPlace(place));
     }
     return absl::OkStatus();
   }
@@ -477,13 +470,12 @@ class LeastTimePlanner {
         scan.offset_z_m = scans_[plan_[i]].measurement.offset_z_m;
         scans.push_back(scan);
       }
-      auto indices = AddToPool(scans);
-      if (!indices.ok()) return indices.status();
+      SIGHTLINE_ASSIGN_OR_RETURN(auto indices, AddToPool(scans));
       PoolPlan with = plan_;
       bool all = true;
       for (size_t k = 0; k < of_place.size(); ++k) {
-        all = all && (*indices)[k].has_value();
-        if (all) with[of_place[k]] = *(*indices)[k];
+        all = all && indices[k].has_value();
+        if (all) with[of_place[k]] = *indices[k];
       }
       if (!all) continue;
       if (const double worth = pool_.Worth(with); worth > best_worth) {
@@ -546,20 +538,18 @@ absl::StatusOr<PlannerResult> PlanInLeastTime(GainModel& gain_model, const Plann
   good.insert(good.end(), plan.candidates.begin(), plan.candidates.end());
   PlanRun run(gain_model, again);
   LeastTimePlanner planner(run, plan, good);
-  auto found = planner.Plan();
-  if (!found.ok()) return found.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto found, planner.Plan());
   const int64_t before = plan.evaluations;
-  if (*found) {
-    auto finished = run.Finish(**found, plan.stop_reason);
-    if (!finished.ok()) return finished.status();
+  if (found) {
+    SIGHTLINE_ASSIGN_OR_RETURN(auto finished, run.Finish(*found, plan.stop_reason));
     if (run.Stopped()) {
-      finished->stop_reason = run.stopped_reason();
-    } else if (run.ReachesGoal(finished->score)) {
-      finished->stop_reason = StopReason::kGoalReached;
+      finished.stop_reason = run.stopped_reason();
+    } else if (run.ReachesGoal(finished.score)) {
+      finished.stop_reason = StopReason::kGoalReached;
     } else if (request.goal.LimitsExecution()) {
-      finished->stop_reason = StopReason::kExecutionLimit;
+      finished.stop_reason = StopReason::kExecutionLimit;
     }
-    plan = *std::move(finished);
+    plan = std::move(finished);
   } else if (request.goal.LimitsExecution() && !planner.given_keeps_limits()) {
     plan.stop_reason = run.Stopped() ? run.stopped_reason() : StopReason::kExecutionLimit;
   }

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "core/status/status_macros.h"
 #include "planning_service/execution/engine/task_folder.h"
 
 namespace sightline {
@@ -135,10 +136,9 @@ class ClusterEngine final : public ComputeEngine {
       spdlog::info("event=cluster_arrays_found job={} parts=\"{}\" conclusion=\"{}\"", options.name,
                    record->parts, record->conclusion);
     } else {
-      auto submitted = Begin(options, wish);
-      if (!submitted.ok()) return submitted.status();
-      if (const auto* end = std::get_if<JobProcessEnd>(&*submitted)) return *end;
-      record = std::get<ClusterRecord>(*submitted);
+      SIGHTLINE_ASSIGN_OR_RETURN(auto submitted, Begin(options, wish));
+      if (const auto* end = std::get_if<JobProcessEnd>(&submitted)) return *end;
+      record = std::get<ClusterRecord>(submitted);
     }
     return Watch(options, *record, wish);
   }
@@ -191,13 +191,12 @@ class ClusterEngine final : public ComputeEngine {
       AwaitRevokedTasks(wish);
     }
     if (const auto failure = PrepareFailure(options)) return *failure;
-    auto tasks = MakeTaskFolder(options);
-    if (!tasks.ok()) return tasks.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(auto tasks, MakeTaskFolder(options));
     ClusterRecord record;
     record.scheduler = scheduler_->kind();
-    record.tasks = *tasks;
+    record.tasks = tasks;
     record.part_count = static_cast<int>(options.commands.parts.size());
-    if (absl::Status s = record.Write(options.folder); !s.ok()) return s;
+    SIGHTLINE_RETURN_IF_ERROR(record.Write(options.folder));
     TaskArray array;
     array.job = options.name;
     array.folder = options.folder + "/in";
@@ -205,7 +204,7 @@ class ClusterEngine final : public ComputeEngine {
     array.max_time = options.max_time;
     for (const bool conclusion : {false, true}) {
       if (!conclusion && record.part_count == 0) continue;
-      array.script = absl::StrCat(*tasks, conclusion ? "/conclusion" : "/parts");
+      array.script = absl::StrCat(tasks, conclusion ? "/conclusion" : "/parts");
       array.size = conclusion ? 1 : record.part_count;
       if (conclusion) array.after = record.parts;
       auto id = Insist("submit", wish, [&] { return scheduler_->Submit(array); });
@@ -231,9 +230,9 @@ class ClusterEngine final : public ComputeEngine {
 
   absl::Status LookAt(const std::string& id, std::vector<Element>* elements) {
     if (id.empty()) return absl::OkStatus();
-    auto statuses = scheduler_->Look(id, static_cast<int>(elements->size()));
-    if (!statuses.ok()) return statuses.status();
-    for (size_t i = 0; i < elements->size(); ++i) (*elements)[i].SetStatus((*statuses)[i]);
+    SIGHTLINE_ASSIGN_OR_RETURN(auto statuses,
+                               scheduler_->Look(id, static_cast<int>(elements->size())));
+    for (size_t i = 0; i < elements->size(); ++i) (*elements)[i].SetStatus(statuses[i]);
     return absl::OkStatus();
   }
 

@@ -14,6 +14,7 @@
 #include "absl/strings/str_format.h"
 #include "core/file/atomic_write.h"
 #include "core/process/run_program.h"
+#include "core/status/status_macros.h"
 #include "core/text/number.h"
 #include "planning_service/execution/engine/batch_scheduler.h"
 #include "planning_service/job_store/random_number.h"
@@ -123,10 +124,8 @@ class KubernetesScheduler final : public BatchScheduler {
     const std::string id = absl::StrFormat("%s-%08x", array.job, RandomBits() & 0xffffffffu);
     // The request is kept beside the scripts, for analysis.
     const std::string file = absl::StrCat(array.script, ".json");
-    absl::Status written = WriteFileAtomically(file, Manifest(array, id).dump(2) + "\n");
-    if (!written.ok()) return written;
-    auto created = Run({"create", "--filename=" + file});
-    if (!created.ok()) return created.status();
+    SIGHTLINE_RETURN_IF_ERROR(WriteFileAtomically(file, Manifest(array, id).dump(2) + "\n"));
+    SIGHTLINE_RETURN_IF_ERROR(Run({"create", "--filename=" + file}).status());
     return id;
   }
 
@@ -137,10 +136,10 @@ class KubernetesScheduler final : public BatchScheduler {
 
   absl::StatusOr<std::vector<std::optional<ElementStatus>>> Look(const std::string& id,
                                                                  int size) override {
-    auto answer =
-        Run({"get", "jobs,pods", absl::StrCat("--selector=sightline/array=", id), "--output=json"});
-    if (!answer.ok()) return answer.status();
-    const json list = json::parse(*answer, nullptr, /*allow_exceptions=*/false);
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        auto answer, Run({"get", "jobs,pods", absl::StrCat("--selector=sightline/array=", id),
+                          "--output=json"}));
+    const json list = json::parse(answer, nullptr, /*allow_exceptions=*/false);
     if (!Member(list, "items").is_array()) {
       return absl::UnavailableError("kubectl get: the answer is no list");
     }

@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "core/process/run_program.h"
+#include "core/status/status_macros.h"
 #include "core/text/number.h"
 #include "planning_service/execution/engine/batch_scheduler.h"
 
@@ -83,13 +84,12 @@ class SlurmScheduler final : public BatchScheduler {
     }
     arguments.push_back(
         absl::StrCat("--wrap=exec /bin/sh \"", array.script, "-$SLURM_ARRAY_TASK_ID.sh\""));
-    auto answer = Run("sbatch", arguments);
-    if (!answer.ok()) return answer.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(auto answer, Run("sbatch", arguments));
     // "123" or "123;cluster".
-    const std::string id = std::vector<std::string>(absl::StrSplit(*answer, ';'))[0];
+    const std::string id = std::vector<std::string>(absl::StrSplit(answer, ';'))[0];
     const auto number = ParseWhole(std::string(absl::StripAsciiWhitespace(id)));
     if (number.ok() && *number > 0) return absl::StrCat(*number);
-    return absl::InternalError(absl::StrCat("sbatch answered \"", *answer, "\""));
+    return absl::InternalError(absl::StrCat("sbatch answered \"", answer, "\""));
   }
 
   absl::Status Release(const std::string&) override { return absl::OkStatus(); }

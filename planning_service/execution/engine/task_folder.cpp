@@ -15,6 +15,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
 #include "core/file/atomic_write.h"
+#include "core/status/status_macros.h"
 #include "proto/status/rpc_status.h"
 
 namespace sightline {
@@ -137,14 +138,11 @@ absl::StatusOr<std::string> MakeTaskFolder(const AttemptOptions& options) {
   }
   const TaskCommands& commands = options.commands;
   for (size_t i = 0; i < commands.parts.size(); ++i) {
-    absl::Status written =
-        WriteScript(options, tasks, absl::StrCat("parts-", i + 1), commands.parts[i]);
-    if (!written.ok()) return written;
+    SIGHTLINE_RETURN_IF_ERROR(
+        WriteScript(options, tasks, absl::StrCat("parts-", i + 1), commands.parts[i]));
   }
-  if (absl::Status s = WriteScript(options, tasks, "conclusion-1", commands.conclusion); !s.ok()) {
-    return s;
-  }
-  if (absl::Status s = WriteFileAtomically(tasks + kLeaseFile, ""); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(WriteScript(options, tasks, "conclusion-1", commands.conclusion));
+  SIGHTLINE_RETURN_IF_ERROR(WriteFileAtomically(tasks + kLeaseFile, ""));
   return tasks;
 }
 

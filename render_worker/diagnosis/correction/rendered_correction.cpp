@@ -8,6 +8,7 @@
 
 #include "absl/status/status.h"
 #include "core/random/counter_random.h"
+#include "core/status/status_macros.h"
 #include "render_worker/diagnosis/fit/model_error.h"
 #include "render_worker/image_chain/form_image.h"
 #include "render_worker/recordings/plate_frames.h"
@@ -33,12 +34,12 @@ absl::StatusOr<RecordedSet> RenderSet(const SetModel& model, const SetParameters
   for (size_t f = 0; f < rendered.frames.size(); ++f) {
     if (!proceed()) return absl::CancelledError("rendering cancelled");
     const FrameSetup frame = FrameAt(model.set(), static_cast<int>(f), parameters, seed);
-    absl::StatusOr<FormedImage> image =
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        FormedImage image,
         RenderPlateFrame(frame, model.EffectsOf(parameters),
-                         frame.burst_frame_index > 0 ? &previous : nullptr, model.threads());
-    if (!image.ok()) return image.status();
-    rendered.frames[f].raw_dn = std::move(image->raw_dn);
-    previous = std::move(image->mean_photo_electrons);
+                         frame.burst_frame_index > 0 ? &previous : nullptr, model.threads()));
+    rendered.frames[f].raw_dn = std::move(image.raw_dn);
+    previous = std::move(image.mean_photo_electrons);
   }
   return rendered;
 }
@@ -81,9 +82,9 @@ absl::StatusOr<std::vector<BlockVectors>> RenderStatistics(const SetModel& model
   std::vector<BlockVectors> statistics;
   for (int k = 0; k < settings.renderings; ++k) {
     const uint64_t seed = DeriveSeed(settings.seed, "rendering", static_cast<uint64_t>(k));
-    const absl::StatusOr<RecordedSet> rendered = RenderSet(model, parameters, seed, proceed);
-    if (!rendered.ok()) return rendered.status();
-    statistics.push_back(model.StatisticsOf(*rendered));
+    SIGHTLINE_ASSIGN_OR_RETURN(const RecordedSet rendered,
+                               RenderSet(model, parameters, seed, proceed));
+    statistics.push_back(model.StatisticsOf(rendered));
   }
   return statistics;
 }

@@ -8,6 +8,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "core/status/status_macros.h"
 #include "render_worker/diagnosis/correction/rendered_correction.h"
 #include "render_worker/diagnosis/random_effect/compare_random_effects.h"
 #include "render_worker/diagnosis/selection/context.h"
@@ -60,11 +61,11 @@ bool NeedsRenderings(const Context& context, const ModelComparison& comparison) 
 // The model with the correction at the parameters of `named`. Errors of RenderStatistics.
 absl::StatusOr<SetModel> Corrected(const Context& context, const Hypothesis& named) {
   const RenderingSettings settings = {.seed = context.settings.seed};
-  const absl::StatusOr<std::vector<BlockVectors>> rendered =
-      RenderStatistics(context.model, named.fit.parameters, settings,
-                       [&] { return context.proceed(thresholds::kRenderingDone); });
-  if (!rendered.ok()) return rendered.status();
-  return SetModel(context.model, CorrectionOf(context.model, named.fit, context.null, *rendered));
+  SIGHTLINE_ASSIGN_OR_RETURN(const std::vector<BlockVectors> rendered,
+                             RenderStatistics(context.model, named.fit.parameters, settings, [&] {
+                               return context.proceed(thresholds::kRenderingDone);
+                             }));
+  return SetModel(context.model, CorrectionOf(context.model, named.fit, context.null, rendered));
 }
 
 // The hypotheses to be compared again about `named`, which comes first. What is added to the best

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "core/random/counter_random.h"
+#include "core/status/status_macros.h"
 #include "render_worker/light_transport/adaptive_image.h"
 #include "render_worker/light_transport/camera_rays.h"
 #include "render_worker/light_transport/lamps/path_tracer.h"
@@ -62,14 +63,14 @@ absl::StatusOr<IncoherentTransport> TraceIncoherentLight(
     }
     return rays;
   };
-  auto traced = SampleAdaptively(grid.columns(), grid.rows(), options, sample, progress, 0, 1);
-  if (!traced.ok()) return traced.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      auto traced, SampleAdaptively(grid.columns(), grid.rows(), options, sample, progress, 0, 1));
 
   IncoherentTransport result;
   for (int c = 0; c < options.channels; ++c) {
-    Image<float> image = std::move(traced->unfiltered[c]);
+    Image<float> image = std::move(traced.unfiltered[c]);
     for (size_t p = 0; p < image.values.size(); ++p) {
-      image.values[p] = std::max(image.values[p] + traced->filterable[c].values[p], 0.0F);
+      image.values[p] = std::max(image.values[p] + traced.filterable[c].values[p], 0.0F);
     }
     if (c == options.noise_channel) {
       result.radiance_w_m2_sr = std::move(image);
@@ -77,8 +78,8 @@ absl::StatusOr<IncoherentTransport> TraceIncoherentLight(
       result.channel_radiance.push_back(std::move(image));
     }
   }
-  result.standard_error_w_m2_sr = std::move(traced->standard_error);
-  result.rays = traced->rays;
+  result.standard_error_w_m2_sr = std::move(traced.standard_error);
+  result.rays = traced.rays;
   return result;
 }
 

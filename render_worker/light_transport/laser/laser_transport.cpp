@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "core/random/counter_random.h"
+#include "core/status/status_macros.h"
 #include "render_worker/light_transport/adaptive_image.h"
 #include "render_worker/light_transport/camera_rays.h"
 #include "render_worker/light_transport/laser/interreflection.h"
@@ -228,9 +229,8 @@ absl::StatusOr<LaserTransport> TraceLaserLight(const RayScene& scene, const Scen
       features.inverse_distance_1_m = estimate.inverse_distance_1_m;
       return 1 + estimate.rays;
     };
-    auto sampled = SampleAdaptively(block_columns, block_rows, options, sample, progress, 0, share);
-    if (!sampled.ok()) return sampled.status();
-    coarse = *std::move(sampled);
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        coarse, SampleAdaptively(block_columns, block_rows, options, sample, progress, 0, share));
     result.rays += coarse.rays;
   }
 

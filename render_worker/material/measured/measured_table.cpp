@@ -17,6 +17,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/file/read_file.h"
 #include "core/json/strict_json.h"
+#include "core/status/status_macros.h"
 #include "core/text/number_table.h"
 #include "core/text/number_text.h"
 #include "render_worker/material/measured/tabulated_material.h"
@@ -183,11 +184,10 @@ absl::StatusOr<std::vector<Row>> ReadRows(const std::string& path, const std::st
     rows.push_back({values[0], values[1], values[2], values[3]});
     return absl::OkStatus();
   };
-  const absl::Status status = ReadNumberTable(
+  SIGHTLINE_RETURN_IF_ERROR(ReadNumberTable(
       *bytes,
       {.columns = {"theta_l_deg", "theta_d_deg", "phi_d_deg", "brdf_per_sr"}, .comments = true},
-      table, {}, add);
-  if (!status.ok()) return status;
+      table, {}, add));
   std::set<float> inclinations, azimuths;
   for (const Row& row : rows) {
     inclinations.insert(static_cast<float>(row.theta_l_deg));
@@ -207,9 +207,8 @@ absl::StatusOr<std::vector<Row>> ReadRows(const std::string& path, const std::st
 absl::StatusOr<std::shared_ptr<const Material>> ReadMeasuredTable(
     DetailedMaterial::Common common, const std::string& path, std::optional<double> spot_diameter_m,
     const std::string& context) {
-  absl::StatusOr<std::vector<Row>> rows = ReadRows(path, context);
-  if (!rows.ok()) return rows.status();
-  const auto table = std::make_shared<SymmetricTable>(*rows);
+  SIGHTLINE_ASSIGN_OR_RETURN(std::vector<Row> rows, ReadRows(path, context));
+  const auto table = std::make_shared<SymmetricTable>(rows);
   TabulatedMaterial::Channel channel;
   channel.brdf = [table](float cos_out, float cos_in, float azimuth_rad) {
     return table->At(cos_out, cos_in, azimuth_rad);

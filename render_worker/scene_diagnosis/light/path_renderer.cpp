@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/status/status_macros.h"
 #include "render_worker/effects/vocabulary.h"
 #include "render_worker/scene_diagnosis/light/path_catalogue.h"
 
@@ -42,11 +43,11 @@ Inspection InspectionOf(const Inspection& nominal, const RecordedImage& recorded
 
 absl::StatusOr<std::vector<ActiveEffect>> EffectsOf(const LightVariant& variant) {
   if (!variant.halo_radius_m) return std::vector<ActiveEffect>();
-  auto glare = MakeActiveEffect(
-      VeilingGlare().description().id,
-      {{"glare_fraction", kRenderedGlareFraction}, {"halo_radius_m", *variant.halo_radius_m}});
-  if (!glare.ok()) return glare.status();
-  return std::vector<ActiveEffect>{*std::move(glare)};
+  SIGHTLINE_ASSIGN_OR_RETURN(auto glare,
+                             MakeActiveEffect(VeilingGlare().description().id,
+                                              {{"glare_fraction", kRenderedGlareFraction},
+                                               {"halo_radius_m", *variant.halo_radius_m}}));
+  return std::vector<ActiveEffect>{std::move(glare)};
 }
 
 }  // namespace
@@ -63,16 +64,14 @@ absl::StatusOr<RenderedPartFrame> PathRenderer::Render(int recording, const Ligh
   input.part = scene_.part;
   input.obstacles = scene_.obstacles;
   input.assets = scene_.assets;
-  const auto effects = EffectsOf(variant);
-  if (!effects.ok()) return effects.status();
-  auto part_scene = PartScene::Make(std::move(input));
-  if (!part_scene.ok()) return part_scene.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto effects, EffectsOf(variant));
+  SIGHTLINE_ASSIGN_OR_RETURN(auto part_scene, PartScene::Make(std::move(input)));
   RenderLimits limits;
   limits.threads = settings_.threads;
   limits.max_image_bytes = settings_.max_image_bytes;
   limits.cancelled = settings_.cancelled;
-  auto frame = RenderPartFrame(**part_scene, {recorded.measurement, recorded.stage_position_m},
-                               *effects, layers, limits);
+  auto frame = RenderPartFrame(*part_scene, {recorded.measurement, recorded.stage_position_m},
+                               effects, layers, limits);
   ++done_;
   if (settings_.progress) settings_.progress(std::min(1.0, done_ / double(images_)));
   return frame;

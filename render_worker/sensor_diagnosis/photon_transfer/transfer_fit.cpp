@@ -13,6 +13,7 @@
 
 #include "absl/status/status.h"
 #include "core/statistics/square.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -172,14 +173,13 @@ struct FittedTransfer {
 absl::StatusOr<FittedTransfer> FitSteps(const TransferData& data,
                                         const std::set<TransferTerm>& terms, FoldPart part,
                                         int fold) {
-  auto problem = MakeTransferProblem(data, terms, part, fold);
-  if (!problem.ok()) return problem.status();
-  const auto solution = MaximiseLikelihood(*problem);
+  SIGHTLINE_ASSIGN_OR_RETURN(auto problem, MakeTransferProblem(data, terms, part, fold));
+  const auto solution = MaximiseLikelihood(problem);
   if (!solution) {
     return absl::FailedPreconditionError("the photon transfer's fit does not converge");
   }
-  const Eigen::VectorXd deviation = StandardDeviations(problem->data, solution->between_steps);
-  const TransferResiduals residuals{problem->data, problem->layout, deviation};
+  const Eigen::VectorXd deviation = StandardDeviations(problem.data, solution->between_steps);
+  const TransferResiduals residuals{problem.data, problem.layout, deviation};
   const Eigen::MatrixXd jacobian = JacobianOf(residuals, solution->x);
   const Eigen::LDLT<Eigen::MatrixXd> information(jacobian.transpose() * jacobian);
   if (information.info() != Eigen::Success || !information.isPositive() ||
@@ -188,7 +188,7 @@ absl::StatusOr<FittedTransfer> FitSteps(const TransferData& data,
         "the steps do not determine all parameters of the photon transfer");
   }
   const Eigen::Index n = solution->x.size();
-  return FittedTransfer{*std::move(problem), *solution,
+  return FittedTransfer{std::move(problem), *solution,
                         information.solve(Eigen::MatrixXd::Identity(n, n))};
 }
 
@@ -208,9 +208,8 @@ const TransferParameter* TransferFit::Find(const std::string& name) const {
 
 absl::StatusOr<TransferFit> FitTransfer(const TransferData& data,
                                         const std::set<TransferTerm>& terms) {
-  const auto fitted = FitSteps(data, terms, FoldPart::kAll, 0);
-  if (!fitted.ok()) return fitted.status();
-  const auto& [problem, solution, covariance] = *fitted;
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto fitted, FitSteps(data, terms, FoldPart::kAll, 0));
+  const auto& [problem, solution, covariance] = fitted;
   TransferFit result;
   for (Eigen::Index k = 0; k < solution.x.size(); ++k) {
     const double scale = problem.layout.scale[k];
@@ -242,19 +241,18 @@ absl::StatusOr<TransferPrediction> PredictTransfer(const TransferData& data,
                                                    const std::set<TransferTerm>& terms) {
   TransferPrediction result;
   for (int fold = 0; fold < kTransferFolds; ++fold) {
-    const auto fitted = FitSteps(data, terms, FoldPart::kWithoutFold, fold);
-    if (!fitted.ok()) return fitted.status();
-    const auto left_out = MakeTransferProblem(data, terms, FoldPart::kFoldOnly, fold);
-    if (!left_out.ok()) return left_out.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto fitted,
+                               FitSteps(data, terms, FoldPart::kWithoutFold, fold));
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto left_out,
+                               MakeTransferProblem(data, terms, FoldPart::kFoldOnly, fold));
     const Eigen::VectorXd deviation =
-        StandardDeviations(left_out->data, fitted->solution.between_steps);
-    const TransferResiduals residuals{left_out->data, left_out->layout, deviation};
+        StandardDeviations(left_out.data, fitted.solution.between_steps);
+    const TransferResiduals residuals{left_out.data, left_out.layout, deviation};
     Eigen::VectorXd values;
-    residuals(fitted->solution.x, values);
-    const Eigen::MatrixXd jacobian = JacobianOf(residuals, fitted->solution.x);
+    residuals(fitted.solution.x, values);
+    const Eigen::MatrixXd jacobian = JacobianOf(residuals, fitted.solution.x);
     for (Eigen::Index i = 0; i < values.size(); ++i) {
-      const double variance =
-          1 + jacobian.row(i) * fitted->covariance * jacobian.row(i).transpose();
+      const double variance = 1 + jacobian.row(i) * fitted.covariance * jacobian.row(i).transpose();
       result.chi_squared += Square(values[i]) / variance;
       result.log_score -= 0.5 * (Square(values[i]) / variance +
                                  std::log(2 * std::numbers::pi * variance * Square(deviation[i])));

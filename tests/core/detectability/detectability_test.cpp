@@ -10,6 +10,7 @@
 #include "core/inspection/exposure_limit.h"
 #include "core/json/strict_json.h"
 #include "core/physics/angle.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -116,8 +117,7 @@ absl::StatusOr<Detectability> ReadDetectability(std::string json, const std::str
     json.replace(at, from.size(), to);
   }
   v1::Detectability message;
-  const absl::Status status = ParseStrictJson(json, "test", &message);
-  if (!status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(ParseStrictJson(json, "test", &message));
   return ParseDetectability(message, "file");
 }
 

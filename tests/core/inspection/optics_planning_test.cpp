@@ -7,6 +7,7 @@
 #include <string>
 
 #include "core/json/strict_json.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -17,7 +18,7 @@ using ::testing::HasSubstr;
 
 absl::StatusOr<OpticsPlanning> Parse(const std::string& json, const Lens& lens = {}) {
   v1::OpticsPlanning message;
-  if (absl::Status s = ParseStrictJson(json, "test", &message); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(ParseStrictJson(json, "test", &message));
   return ParseOpticsPlanning(message, lens, "inspection.json");
 }
 

@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/json/strict_json.h"
+#include "core/status/status_macros.h"
 #include "google/protobuf/util/message_differencer.h"
 
 namespace sightline {
@@ -40,8 +41,7 @@ std::string WithMember(const std::string& member) {
 
 absl::StatusOr<Sensor> Parse(const std::string& json) {
   v1::Sensor message;
-  const absl::Status status = ParseStrictJson(json, "cam.json", &message);
-  if (!status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(ParseStrictJson(json, "cam.json", &message));
   return ParseSensor(message, "cam.json");
 }
 

@@ -9,6 +9,7 @@
 
 #include "core/inspection/inspection.h"
 #include "core/json/strict_json.h"
+#include "core/status/status_macros.h"
 #include "core/triangulation/calibration_derivatives.h"
 
 namespace sightline {
@@ -18,16 +19,14 @@ using ::testing::HasSubstr;
 
 absl::StatusOr<UncertaintyModel> Parse(const std::string& json) {
   v1::Uncertainty message;
-  const absl::Status status = ParseStrictJson(json, "file", &message);
-  if (!status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(ParseStrictJson(json, "file", &message));
   return ParseUncertainty(message, "file");
 }
 
 absl::StatusOr<Inspection> ParseWhole(const std::string& fields) {
   v1::Inspection message;
-  const absl::Status status =
-      ParseStrictJson(R"({"part": {"file": "a.glb"}, )" + fields + "}", "file", &message);
-  if (!status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(
+      ParseStrictJson(R"({"part": {"file": "a.glb"}, )" + fields + "}", "file", &message));
   return ParseInspection(message, "file", "");
 }
 

@@ -11,6 +11,7 @@
 #include <glm/gtx/euler_angles.hpp>
 #include <optional>
 
+#include "core/status/status_macros.h"
 #include "coverage_server/gl/gl_context.h"
 
 namespace sightline {
@@ -76,21 +77,15 @@ class LiteralScannerImpl final : public LiteralScanner {
   }
 
   absl::Status Init() {
-    auto context = MakeOffscreenContext();
-    if (!context.ok()) return context.status();
-    context_ = std::move(*context);
+    SIGHTLINE_ASSIGN_OR_RETURN(context_, MakeOffscreenContext());
     const GlFunctions& gl = context_->gl();
-    auto seen =
-        Framebuffer::Make(gl, rig_.camera.columns_px, sub_rows_ * rig_.camera.rows_px, true);
-    if (!seen.ok()) return seen.status();
-    camera_buffer_ = std::move(*seen);
-    auto lit = Framebuffer::Make(gl, kLaserSamples, 1, true);
-    if (!lit.ok()) return lit.status();
-    laser_buffer_ = std::move(*lit);
-    auto program = MakeProgram(gl, kVertexShader, kFragmentShader);
-    if (!program.ok()) return program.status();
-    gl.UseProgram(*program);
-    to_clip_ = gl.GetUniformLocation(*program, "to_clip");
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        camera_buffer_,
+        Framebuffer::Make(gl, rig_.camera.columns_px, sub_rows_ * rig_.camera.rows_px, true));
+    SIGHTLINE_ASSIGN_OR_RETURN(laser_buffer_, Framebuffer::Make(gl, kLaserSamples, 1, true));
+    SIGHTLINE_ASSIGN_OR_RETURN(auto program, MakeProgram(gl, kVertexShader, kFragmentShader));
+    gl.UseProgram(program);
+    to_clip_ = gl.GetUniformLocation(program, "to_clip");
     GLuint array;
     gl.GenVertexArrays(1, &array);
     gl.BindVertexArray(array);
@@ -307,7 +302,7 @@ absl::StatusOr<std::unique_ptr<LiteralScanner>> LiteralScanner::Make(const Trian
                                                                      const Measurement& measurement,
                                                                      int sub_rows) {
   auto scanner = std::make_unique<LiteralScannerImpl>(part, rig, measurement, sub_rows);
-  if (absl::Status status = scanner->Init(); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(scanner->Init());
   return scanner;
 }
 

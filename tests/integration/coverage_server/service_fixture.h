@@ -17,6 +17,7 @@
 
 #include "core/part/load_part.h"
 #include "core/part/mesh.h"
+#include "core/status/status_macros.h"
 #include "coverage_server/service/coverage_server.h"
 #include "planner_client/coverage_client/coverage_client.h"
 #include "planner_client/coverage_client/part_upload.h"
@@ -114,8 +115,7 @@ class Connection {
     request.set_request_id(request_id);
     *request.mutable_spec() = spec;
     v1::CreateSceneResponse response;
-    absl::Status status = FromGrpcStatus(coverage->CreateScene(&context, request, &response));
-    if (!status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(FromGrpcStatus(coverage->CreateScene(&context, request, &response)));
     return response.job();
   }
 
@@ -133,8 +133,7 @@ class Connection {
       states.push_back(response.job());
       on_state();
     }
-    absl::Status status = FromGrpcStatus(reader->Finish());
-    if (!status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(FromGrpcStatus(reader->Finish()));
     return states;
   }
 

@@ -18,6 +18,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
+#include "core/status/status_macros.h"
 #include "planner_client/embedded_server/embedded_server.h"
 #include "proto/status/rpc_status.h"
 #include "sightline/v1/job_service.grpc.pb.h"
@@ -76,8 +77,7 @@ class RenderFaultTest : public ::testing::Test {
     v1::CreateRenderRequest request;
     *request.mutable_spec() = spec;
     v1::CreateRenderResponse response;
-    absl::Status status = FromGrpcStatus(render_->CreateRender(&context, request, &response));
-    if (!status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(FromGrpcStatus(render_->CreateRender(&context, request, &response)));
     return response.job();
   }
   void Cancel(const std::string& job_id) {

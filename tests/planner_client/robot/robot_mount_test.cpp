@@ -7,6 +7,7 @@
 #include "absl/strings/str_replace.h"
 #include "core/inspection/inspection.h"
 #include "core/json/strict_json.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {
@@ -21,7 +22,7 @@ constexpr char kHead[] = R"({"part": {"file": "a.glb"},
 
 absl::StatusOr<Inspection> Parse(const std::string& json) {
   v1::Inspection message;
-  if (absl::Status s = ParseStrictJson(json, "i.json", &message); !s.ok()) return s;
+  SIGHTLINE_RETURN_IF_ERROR(ParseStrictJson(json, "i.json", &message));
   return ParseInspection(message, "i.json", "/tasks");
 }
 

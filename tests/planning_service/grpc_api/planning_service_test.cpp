@@ -13,6 +13,7 @@
 #include <thread>
 
 #include "core/digest/sha256.h"
+#include "core/status/status_macros.h"
 #include "proto/status/rpc_status.h"
 #include "rpc_server/server_metrics.h"
 #include "tests/limits/wait_until.h"
@@ -86,8 +87,7 @@ class PlanningServiceTest : public testing::Test {
       writer->Write(request);
     }
     writer->WritesDone();
-    const absl::Status status = FromGrpcStatus(writer->Finish());
-    if (!status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(FromGrpcStatus(writer->Finish()));
     return response.digest();
   }
 
@@ -105,9 +105,8 @@ class PlanningServiceTest : public testing::Test {
       request.mutable_files(0)->set_digest(digest);
     }
     v1::CreatePlanningJobResponse response;
-    const absl::Status status =
-        FromGrpcStatus(stub_->CreatePlanningJob(context.get(), request, &response));
-    if (!status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(
+        FromGrpcStatus(stub_->CreatePlanningJob(context.get(), request, &response)));
     return response.job();
   }
 
@@ -116,9 +115,8 @@ class PlanningServiceTest : public testing::Test {
     v1::GetPlanningJobRequest request;
     request.set_job_id(job_id);
     v1::GetPlanningJobResponse response;
-    const absl::Status status =
-        FromGrpcStatus(stub_->GetPlanningJob(context.get(), request, &response));
-    if (!status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(
+        FromGrpcStatus(stub_->GetPlanningJob(context.get(), request, &response)));
     return response.job();
   }
 
@@ -146,8 +144,7 @@ class PlanningServiceTest : public testing::Test {
     v1::StreamResultResponse response;
     std::string bytes;
     while (reader->Read(&response)) bytes += response.chunk();
-    const absl::Status status = FromGrpcStatus(reader->Finish());
-    if (!status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(FromGrpcStatus(reader->Finish()));
     return bytes;
   }
 
@@ -264,13 +261,12 @@ TEST_F(PlanningServiceTest, RefusedUploadsTakeNoRoom) {
   client.name = "mes";
   client.quota.max_stored_bytes = 20'000;
   const auto upload = [&](const std::string& bytes) -> absl::StatusOr<JobFile> {
-    absl::StatusOr<FileUpload> file = jobs_->Upload(client);
-    if (!file.ok()) return file.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(FileUpload file, jobs_->Upload(client));
     for (size_t i = 0; i < bytes.size(); i += 1000) {
-      if (absl::Status s = file->Write(bytes.substr(i, 1000)); !s.ok()) return s;
+      SIGHTLINE_RETURN_IF_ERROR(file.Write(bytes.substr(i, 1000)));
       EXPECT_LE(BytesIn(folder_ + "/artefacts"), client.quota.max_stored_bytes);
     }
-    return file->Finish("");
+    return file.Finish("");
   };
   const std::string first(12'000, 'a');
   ASSERT_TRUE(upload(first).ok());

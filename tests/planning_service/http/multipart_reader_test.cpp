@@ -7,6 +7,8 @@
 #include <utility>
 #include <vector>
 
+#include "core/status/status_macros.h"
+
 namespace sightline {
 namespace {
 
@@ -31,15 +33,13 @@ absl::StatusOr<std::vector<ReadPart>> ReadAll(const std::string& body, size_t pi
   });
   std::vector<ReadPart> parts;
   for (;;) {
-    auto part = reader.NextPart();
-    if (!part.ok()) return part.status();
-    if (!part->has_value()) return parts;
-    ReadPart read{(*part)->name, (*part)->filename, ""};
+    SIGHTLINE_ASSIGN_OR_RETURN(auto part, reader.NextPart());
+    if (!part.has_value()) return parts;
+    ReadPart read{part->name, part->filename, ""};
     for (;;) {
-      auto piece = reader.Read();
-      if (!piece.ok()) return piece.status();
-      if (piece->empty()) break;
-      read.content += *piece;
+      SIGHTLINE_ASSIGN_OR_RETURN(auto piece, reader.Read());
+      if (piece.empty()) break;
+      read.content += piece;
     }
     parts.push_back(read);
   }

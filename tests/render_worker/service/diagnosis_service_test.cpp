@@ -13,6 +13,7 @@
 #include <thread>
 
 #include "absl/strings/str_cat.h"
+#include "core/status/status_macros.h"
 #include "planner_client/diagnosis_client/diagnosis_client.h"
 #include "proto/status/rpc_status.h"
 #include "render_worker/image_file/image_file.h"
@@ -95,10 +96,9 @@ class DiagnosisServiceTest : public RecordedSetTest {
   }
   absl::StatusOr<v1::Job> CreateAsIs(const v1::CreateDiagnosisRequest& request, WorkerCall* call) {
     v1::CreateDiagnosisResponse response;
-    absl::Status status = call->Create([&](grpc::ClientContext* context) {
+    SIGHTLINE_RETURN_IF_ERROR(call->Create([&](grpc::ClientContext* context) {
       return service_->CreateDiagnosis(context, request, &response);
-    });
-    if (!status.ok()) return status;
+    }));
     return response.job();
   }
   absl::StatusOr<v1::Diagnosis> Get(const std::string& job_id) {
@@ -107,8 +107,7 @@ class DiagnosisServiceTest : public RecordedSetTest {
     v1::GetDiagnosisRequest request;
     request.set_job_id(job_id);
     v1::GetDiagnosisResponse response;
-    absl::Status status = FromGrpcStatus(service_->GetDiagnosis(&context, request, &response));
-    if (!status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(FromGrpcStatus(service_->GetDiagnosis(&context, request, &response)));
     return response.diagnosis();
   }
   void Wait(const std::string& job_id) {

@@ -11,6 +11,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "core/json/strict_json.h"
+#include "core/status/status_macros.h"
 #include "render_worker/effects/effect.h"
 #include "render_worker/render/render_task.h"
 #include "tests/render_worker/service/plate_spec.h"
@@ -21,14 +22,13 @@ namespace {
 // Says whether a part is rendered with the effect, without rendering it.
 absl::Status TryOnPart(const EffectDescription& description, const std::string& folder) {
   v1::RenderSpec spec;
-  absl::Status status = ParseStrictJson(
+  SIGHTLINE_RETURN_IF_ERROR(ParseStrictJson(
       absl::StrCat(R"({"part": {"inspection": {"name": "table",
         "part": {"file": "table.obj", "unit": "m"}, "camera": {"sensor": {)",
                    kPlateSpecSensor, R"(}}, "lens": {"focal_length_m": 0.016, "f_number": 16},
         "materials": [{"material": {"name": "grey", "lambert": {"diffuse_albedo": 0.5}}}]},
         "frames": [{"measurement": {"camera_distance_m": 0.3, "triangulation_angle_deg": 30}}]}})"),
-      "spec", &spec);
-  if (!status.ok()) return status;
+      "spec", &spec));
   v1::Effect* effect = spec.mutable_part()->mutable_inspection()->add_effects();
   effect->set_effect(std::string(description.id));
   for (const EffectParameter& p : description.parameters) {
@@ -36,14 +36,13 @@ absl::Status TryOnPart(const EffectDescription& description, const std::string& 
                                                                  : p.null_value - p.prior_scale;
     (*effect->mutable_parameters())[std::string(p.name)] = value;
   }
-  auto task = RenderTask::Parse(spec, int64_t{1} << 30);
-  if (!task.ok()) return task.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto task, RenderTask::Parse(spec, int64_t{1} << 30));
   std::atomic<bool> cancelled = false;
   RenderTaskHooks hooks;
   hooks.cancelled = &cancelled;
   // Effects are looked at after the first report, and nothing else.
   hooks.on_progress = [&](double, const std::string&) { cancelled = true; };
-  return (*task)->Run(
+  return task->Run(
       folder, [&](const std::string& file) { return absl::StrCat(folder, "/", file); }, hooks);
 }
 

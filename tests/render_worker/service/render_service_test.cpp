@@ -15,6 +15,7 @@
 #include "core/digest/sha256.h"
 #include "core/json/strict_json.h"
 #include "core/recordings/recordings.h"
+#include "core/status/status_macros.h"
 #include "planner_client/render_client/render_client.h"
 #include "proto/status/rpc_status.h"
 #include "render_worker/image_file/image_file.h"
@@ -116,8 +117,7 @@ class RenderServiceTest : public ::testing::Test {
     request.set_request_id(request_id);
     *request.mutable_spec() = spec;
     v1::CreateRenderResponse response;
-    absl::Status status = FromGrpcStatus(render_->CreateRender(&context, request, &response));
-    if (!status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(FromGrpcStatus(render_->CreateRender(&context, request, &response)));
     return response.job();
   }
 
@@ -148,8 +148,7 @@ class RenderServiceTest : public ::testing::Test {
     v1::CancelJobRequest request;
     request.set_job_id(job_id);
     v1::CancelJobResponse response;
-    absl::Status status = FromGrpcStatus(jobs_->CancelJob(&context, request, &response));
-    if (!status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(FromGrpcStatus(jobs_->CancelJob(&context, request, &response)));
     return response.job();
   }
   v1::Job Get(const std::string& job_id) {

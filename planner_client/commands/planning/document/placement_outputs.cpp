@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_format.h"
 #include "core/field_limits/field_checks.h"
+#include "core/status/status_macros.h"
 #include "planner_client/command_line/process/interrupt.h"
 #include "planner_client/placement/placement_coverage.h"
 
@@ -18,14 +19,15 @@ absl::Status AddPlacementCoverage(const PlanningSession& session, PlanDocument* 
   }
   std::vector<Measurement> scans;
   for (const ChosenScan& scan : document->scans) scans.push_back(scan.measurement);
-  const auto coverage = PlacementCoverage(
-      PlacementModelOf(session.inspection), scans, session.client->measurable().Count(),
-      [&](std::span<const Measurement> measurements,
-          std::span<const ScanDisplacement> displacements) {
-        return session.client->DisplacedCoverage(measurements, displacements);
-      });
-  if (!coverage.ok()) return coverage.status();
-  document->plan.mutable_coverage()->set_placement_p5(*coverage);
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      const auto coverage, PlacementCoverage(PlacementModelOf(session.inspection), scans,
+                                             session.client->measurable().Count(),
+                                             [&](std::span<const Measurement> measurements,
+                                                 std::span<const ScanDisplacement> displacements) {
+                                               return session.client->DisplacedCoverage(
+                                                   measurements, displacements);
+                                             }));
+  document->plan.mutable_coverage()->set_placement_p5(coverage);
   v1::Placement& placement = *document->plan.mutable_placement();
   placement.set_part_position_m(errors.part_position_m);
   placement.set_part_angle_deg(Degrees(errors.part_angle_rad));

@@ -16,6 +16,7 @@
 #include "absl/strings/string_view.h"
 #include "absl/strings/strip.h"
 #include "core/rig/scan_geometry.h"
+#include "core/status/status_macros.h"
 #include "core/triangulation/triangulation.h"
 #include "planner_client/command_line/process/output_folder.h"
 #include "planner_client/commands/planning/document/placement_outputs.h"
@@ -122,20 +123,17 @@ void AddRegistration(const PlanningSession& session, const SharedErrors& errors,
 absl::Status AddValidation(const PlanningSession& session, std::span<const Measurement> scans,
                            v1::PlanUncertainty& message) {
   if (session.measured_gain_model != nullptr) {
-    auto score = session.gain_model->ScorePlan(scans, true);
-    if (!score.ok()) return score.status();
-    const auto all = static_cast<double>(std::max<int64_t>(1, score->validation_measurable));
-    message.set_fresh_judged_targets(score->validation_measurable);
-    message.set_fresh_admissible_fraction(static_cast<double>(*score->validation_satisfied) / all);
-    message.set_fresh_relaxed_fraction(static_cast<double>(*score->validation_relaxed) / all);
+    SIGHTLINE_ASSIGN_OR_RETURN(auto score, session.gain_model->ScorePlan(scans, true));
+    const auto all = static_cast<double>(std::max<int64_t>(1, score.validation_measurable));
+    message.set_fresh_judged_targets(score.validation_measurable);
+    message.set_fresh_admissible_fraction(static_cast<double>(*score.validation_satisfied) / all);
+    message.set_fresh_relaxed_fraction(static_cast<double>(*score.validation_relaxed) / all);
     return absl::OkStatus();
   }
   CoverageClient& client = *session.validation_client;
-  auto exact = client.Uncertainties(scans, {}, false, {});
-  if (!exact.ok()) return exact.status();
-  const auto joined =
-      JoinScans(session.inspection, *session.requirements, client, scans, {}, *exact);
-  if (!joined.ok()) return joined.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto exact, client.Uncertainties(scans, {}, false, {}));
+  SIGHTLINE_RETURN_IF_ERROR(
+      JoinScans(session.inspection, *session.requirements, client, scans, {}, exact).status());
   const std::vector<float> admissible_m =
       session.requirements->AdmissibleUncertainties(client.targets());
   const auto relaxed_m = static_cast<float>(session.requirements->relaxed_uncertainty_m);
@@ -143,8 +141,8 @@ absl::Status AddValidation(const PlanningSession& session, std::span<const Measu
   for (size_t t = 0; t < admissible_m.size(); ++t) {
     if (!client.measurable().Test(t) || !(admissible_m[t] > 0)) continue;
     ++toleranced;
-    admissible += exact->total_m[t] <= admissible_m[t];
-    relaxed += exact->total_m[t] <= std::max(admissible_m[t], relaxed_m);
+    admissible += exact.total_m[t] <= admissible_m[t];
+    relaxed += exact.total_m[t] <= std::max(admissible_m[t], relaxed_m);
   }
   const auto total = static_cast<double>(std::max<int64_t>(1, toleranced));
   message.set_fresh_judged_targets(toleranced);
@@ -200,14 +198,13 @@ absl::Status AddUncertainty(const PlanningSession& session, PlanDocument& docume
     feasible.push_back(document.scans[i].measurement);
     index_of.push_back(static_cast<int>(i));
   }
-  auto exact = session.measured_gain_model != nullptr
-                   ? session.measured_gain_model->Uncertainties(feasible)
-                   : session.client->Uncertainties(feasible, {}, true, {});
-  if (!exact.ok()) return exact.status();
-  document.uncertainties = *std::move(exact);
-  const auto knowledge = JoinScans(session.inspection, *session.requirements, *session.client,
-                                   feasible, {}, document.uncertainties);
-  if (!knowledge.ok()) return knowledge.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(document.uncertainties,
+                             session.measured_gain_model != nullptr
+                                 ? session.measured_gain_model->Uncertainties(feasible)
+                                 : session.client->Uncertainties(feasible, {}, true, {}));
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto knowledge,
+                             JoinScans(session.inspection, *session.requirements, *session.client,
+                                       feasible, {}, document.uncertainties));
 
   v1::PlanUncertainty& message = *document.plan.mutable_uncertainty();
   std::vector<float> uncertainty_m;
@@ -263,9 +260,9 @@ absl::Status AddUncertainty(const PlanningSession& session, PlanDocument& docume
   message.mutable_gain()->set_information(gain.information);
   message.mutable_gain()->set_total_uncertainty(gain.total_uncertainty);
   if (!requirements.features.empty() || !requirements.unbound.empty()) {
-    AddVerdicts(session, *knowledge, message);
+    AddVerdicts(session, knowledge, message);
   }
-  AddRegistration(session, knowledge->shared, index_of, document.plan);
+  AddRegistration(session, knowledge.shared, index_of, document.plan);
   if (session.validation_client && !feasible.empty()) {
     return AddValidation(session, feasible, message);
   }
@@ -392,7 +389,7 @@ absl::StatusOr<PlanDocument> MakePlanDocument(const PlanningSession& session,
   AddRemarks(session, document.scans, given, &plan);
   AddScanQuality(session, document);
   if (session.ForUncertainty()) {
-    if (absl::Status status = AddUncertainty(session, document); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(AddUncertainty(session, document));
   }
   return document;
 }

@@ -9,6 +9,7 @@
 #include "core/file/atomic_write.h"
 #include "core/parallel/for_each_index.h"
 #include "core/physics/angle.h"
+#include "core/status/status_macros.h"
 #include "planner_client/command_line/process/output_folder.h"
 #include "planner_client/exports/export_files.h"
 #include "planner_client/report/document/report_page.h"
@@ -66,11 +67,10 @@ void AddScanQuality(const PlanningSession& session, PlanDocument& document) {
   const auto add = [&](size_t i) -> absl::Status {
     const ChosenScan& scan = document.scans[i];
     if (scan.exact.feasibility != ScanFeasibility::kFeasible) return absl::OkStatus();
-    auto given = session.client->MeasurementPoints(scan.measurement);
-    if (!given.ok()) return given.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(auto given, session.client->MeasurementPoints(scan.measurement));
     std::vector<MeasuredPoint> points;
-    points.reserve(given->size());
-    for (const ScanPoint& point : *given) {
+    points.reserve(given.size());
+    for (const ScanPoint& point : given) {
       points.push_back(
           {to_stage * point.position_m, to_stage.linear() * point.normal, point.frame});
     }
@@ -111,17 +111,14 @@ absl::Status WriteSetUpFiles(const ReportData& data, const std::string& folder) 
     sheet.pictures_png.push_back(scan.near_view_png.empty() ? scan.rendered_view_png
                                                             : scan.near_view_png);
   }
-  const auto report = SetUpReport(sheet);
-  if (!report.ok()) return report.status();
-  absl::Status written = WriteReport(*report, absl::StrCat(folder, "/", kSetUpSheetFile));
-  if (!written.ok()) return written;
-  const auto exports = ExportPlan(data.plan);
-  if (!exports.ok()) return exports.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto report, SetUpReport(sheet));
+  SIGHTLINE_RETURN_IF_ERROR(WriteReport(report, absl::StrCat(folder, "/", kSetUpSheetFile)));
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto exports, ExportPlan(data.plan));
   const std::string export_folder = folder + "/exports";
-  if (absl::Status made = MakeOutputFolder(export_folder); !made.ok()) return made;
-  for (const ExportFile& file : *exports) {
-    written = WriteFileAtomically(absl::StrCat(export_folder, "/", file.name), file.contents);
-    if (!written.ok()) return written;
+  SIGHTLINE_RETURN_IF_ERROR(MakeOutputFolder(export_folder));
+  for (const ExportFile& file : exports) {
+    SIGHTLINE_RETURN_IF_ERROR(
+        WriteFileAtomically(absl::StrCat(export_folder, "/", file.name), file.contents));
   }
   return absl::OkStatus();
 }

@@ -7,6 +7,7 @@
 
 #include "core/file/atomic_write.h"
 #include "core/rig/scan_geometry.h"
+#include "core/status/status_macros.h"
 #include "core/triangulation/triangulation.h"
 #include "planner_client/report/uncertainty/inadmissible.h"
 #include "planner_client/report/uncertainty/qif_export.h"
@@ -100,13 +101,13 @@ ScanSensitivityMap SensitivityOf(const PlanningSession& session, const Measureme
 absl::Status WriteUncertaintyFiles(const PlanningSession& session, const PlanDocument& document,
                                    const TargetUncertainties& uncertainties,
                                    const std::string& folder) {
-  auto ply = UncertaintyPly(session.client->targets(), uncertainties, session.client->measurable());
-  if (!ply.ok()) return ply.status();
-  absl::Status status = WriteFileAtomically(folder + "/uncertainty.ply", *ply);
+  SIGHTLINE_ASSIGN_OR_RETURN(auto ply, UncertaintyPly(session.client->targets(), uncertainties,
+                                                      session.client->measurable()));
+  absl::Status status = WriteFileAtomically(folder + "/uncertainty.ply", ply);
   if (!status.ok() || document.plan.uncertainty().features().empty()) return status;
-  auto qif = QifDocument(document.plan, session.inspection.name, session.requirements->tolerances);
-  if (!qif.ok()) return qif.status();
-  return WriteFileAtomically(folder + "/plan.qif", *qif);
+  SIGHTLINE_ASSIGN_OR_RETURN(auto qif, QifDocument(document.plan, session.inspection.name,
+                                                   session.requirements->tolerances));
+  return WriteFileAtomically(folder + "/plan.qif", qif);
 }
 
 absl::Status WriteEllipsoids(const PlanningSession& session, const Measurement& scan,
@@ -128,9 +129,10 @@ absl::Status WriteEllipsoids(const PlanningSession& session, const Measurement& 
     largest_m = std::max(largest_m, std::sqrt(std::max(0.0, axes.eigenvalues().z())));
     ellipsoids.push_back({point.position_m, covariance});
   }
-  auto ply = CovarianceEllipsoidsPly(ellipsoids, largest_m > 0 ? kLargestAxis_m / largest_m : 1);
-  if (!ply.ok()) return ply.status();
-  return WriteFileAtomically(path, *ply);
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      auto ply,
+      CovarianceEllipsoidsPly(ellipsoids, largest_m > 0 ? kLargestAxis_m / largest_m : 1));
+  return WriteFileAtomically(path, ply);
 }
 
 }  // namespace sightline

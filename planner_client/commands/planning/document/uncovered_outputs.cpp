@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "core/status/status_macros.h"
 #include "core/targets/target_regions.h"
 #include "planner_client/report/plan/surface/uncovered_reasons.h"
 
@@ -20,10 +21,9 @@ absl::Status ExplainUncovered(const PlanningSession& session, PlanDocument* docu
   for (size_t t = 0; t < targets.size(); ++t) {
     if (!covered.Test(t)) uncovered.push_back(static_cast<uint32_t>(t));
   }
-  const auto explained = client.ExplainTargets(uncovered);
-  if (!explained.ok()) return explained.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto explained, client.ExplainTargets(uncovered));
   document->reasons.assign(targets.size(), {});
-  for (size_t i = 0; i < uncovered.size(); ++i) document->reasons[uncovered[i]] = (*explained)[i];
+  for (size_t i = 0; i < uncovered.size(); ++i) document->reasons[uncovered[i]] = explained[i];
 
   std::vector<std::string> names;
   for (const CoverageTask::Obstacle& obstacle : session.obstacles) names.push_back(obstacle.name);

@@ -14,6 +14,7 @@
 #include "core/file/read_file.h"
 #include "core/part/load_part.h"
 #include "core/physics/angle.h"
+#include "core/status/status_macros.h"
 #include "core/text/length_unit.h"
 #include "planner_client/command_line/process/print.h"
 #include "planner_client/coverage_client/part_upload.h"
@@ -45,12 +46,11 @@ std::optional<TolerancedTargets> TolerancedOf(const PlanningSession& session,
 // A rigid motion from a text of 16 numbers, row by row.
 absl::StatusOr<Eigen::Isometry3d> ReadPose(const std::string& path) {
   constexpr uint64_t kMostBytes = 1 << 16;
-  const auto text = ReadRegularFile(path, kMostBytes);
-  if (!text.ok()) return text.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto text, ReadRegularFile(path, kMostBytes));
   Eigen::Matrix4d matrix = Eigen::Matrix4d::Zero();
   int count = 0;
   for (absl::string_view word :
-       absl::StrSplit(*text, absl::ByAnyChar(" \t\r\n,;[]"), absl::SkipEmpty())) {
+       absl::StrSplit(text, absl::ByAnyChar(" \t\r\n,;[]"), absl::SkipEmpty())) {
     double value = 0;
     if (count >= 16 || !absl::SimpleAtod(word, &value)) {
       return absl::InvalidArgumentError(
@@ -75,19 +75,17 @@ absl::StatusOr<Eigen::Isometry3d> ReadPose(const std::string& path) {
 absl::StatusOr<double> SatisfiedFraction(GainModel& gain_model,
                                          std::span<const Measurement> scans) {
   const auto all = static_cast<double>(std::max<int64_t>(1, gain_model.measurable().Count()));
-  auto exact = gain_model.ExactCoverage(scans);
-  if (!exact.ok()) return exact.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto exact, gain_model.ExactCoverage(scans));
   std::vector<Measurement> feasible;
   TargetBits covered(gain_model.measurable().size());
   for (size_t i = 0; i < scans.size(); ++i) {
-    if ((*exact)[i].feasibility != ScanFeasibility::kFeasible) continue;
+    if (exact[i].feasibility != ScanFeasibility::kFeasible) continue;
     feasible.push_back(scans[i]);
-    covered |= (*exact)[i].covered;
+    covered |= exact[i].covered;
   }
   if (!gain_model.ScoresPlans()) return static_cast<double>(covered.Count()) / all;
-  auto score = gain_model.ScorePlan(feasible, true);
-  if (!score.ok()) return score.status();
-  return static_cast<double>(score->satisfied) / all;
+  SIGHTLINE_ASSIGN_OR_RETURN(auto score, gain_model.ScorePlan(feasible, true));
+  return static_cast<double>(score.satisfied) / all;
 }
 
 std::string Triple(const v1::Vector3& v, double scale) {
@@ -122,9 +120,7 @@ absl::StatusOr<MeasuredPartOptions> PartOptionsOf(const AsMeasuredOptions& optio
   finding.tolerated_distance_m = 1e-3 * options.tolerated_distance_mm;
   finding.metres_per_unit = MetresPerUnit(options.unit).value_or(1);
   if (options.pose_file.empty()) return finding;
-  const auto pose = ReadPose(options.pose_file);
-  if (!pose.ok()) return pose.status();
-  finding.pose = *pose;
+  SIGHTLINE_ASSIGN_OR_RETURN(finding.pose, ReadPose(options.pose_file));
   return finding;
 }
 
@@ -167,11 +163,11 @@ absl::Status PutFoundPart(std::shared_ptr<const MeasuredPart> measured, Planning
   session.inspection.rig.part_placement = measured->placement;
   session.measured = measured;
   // As the server reads it: vertices that fell together are one.
-  auto welded = LoadPartFromMemory(
-      EncodePly(*measured->mesh, /*with_materials=*/task.detectability.has_value()), "ply", "m",
-      "part as measured");
-  if (!welded.ok()) return welded.status();
-  task.part = std::make_shared<const TriangleMesh>(*std::move(welded));
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      auto welded, LoadPartFromMemory(EncodePly(*measured->mesh,
+                                                /*with_materials=*/task.detectability.has_value()),
+                                      "ply", "m", "part as measured"));
+  task.part = std::make_shared<const TriangleMesh>(std::move(welded));
   task.rig = session.inspection.rig;
   for (CoverageTask::Obstacle& obstacle : task.obstacles) {
     if (obstacle.frame != ObstacleFrame::kPart) continue;
@@ -211,13 +207,11 @@ absl::StatusOr<EarlierPlan> LockMeasuredScans(const AsMeasuredOptions& options,
     }
   }
   GivenPlans known;  // --resume has read this plan before
-  auto plan = ReadPlanScans(folder + "/plan.json", &known);
-  if (!plan.ok()) return plan.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto plan, ReadPlanScans(folder + "/plan.json", &known));
   EarlierPlan earlier;
-  earlier.scans = std::move(plan->all);
-  auto files = AssignScans(options.files, static_cast<int>(earlier.scans.size()));
-  if (!files.ok()) return files.status();
-  earlier.files = *std::move(files);
+  earlier.scans = std::move(plan.all);
+  SIGHTLINE_ASSIGN_OR_RETURN(earlier.files,
+                             AssignScans(options.files, static_cast<int>(earlier.scans.size())));
   std::vector<Measurement> locked = earlier.Measured();
   const auto was_measured = [measured = locked](const Measurement& scan) {
     return std::find(measured.begin(), measured.end(), scan) != measured.end();
@@ -233,13 +227,11 @@ absl::StatusOr<EarlierPlan> LockMeasuredScans(const AsMeasuredOptions& options,
 std::function<absl::Status(PlanningSession&, CoverageTask&)> PutMeasuredPart(
     const AsMeasuredOptions& options, const EarlierPlan& earlier) {
   return [options, &earlier](PlanningSession& session, CoverageTask& task) -> absl::Status {
-    const auto finding = PartOptionsOf(options);
-    if (!finding.ok()) return finding.status();
-    auto found =
-        FindMeasuredPart(*session.part, session.inspection, earlier.files, earlier.scans, *finding);
-    if (!found.ok()) return found.status();
-    PrintPointCounts(*found);
-    return PutFoundPart(std::make_shared<const MeasuredPart>(*std::move(found)), session, task);
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto finding, PartOptionsOf(options));
+    SIGHTLINE_ASSIGN_OR_RETURN(auto found, FindMeasuredPart(*session.part, session.inspection,
+                                                            earlier.files, earlier.scans, finding));
+    PrintPointCounts(found);
+    return PutFoundPart(std::make_shared<const MeasuredPart>(std::move(found)), session, task);
   };
 }
 
@@ -263,13 +255,11 @@ absl::Status DescribeAsMeasured(const EarlierPlan& earlier, const PlanningSessio
   v1::AsMeasured& message = *document->plan.mutable_as_measured();
   message = session.measured->message;
   const std::vector<Measurement> measured = earlier.Measured();
-  auto simulated = session.client->ExactCoverage(measured);
-  if (!simulated.ok()) return simulated.status();
-  auto by_points = session.measured_gain_model->ExactCoverage(measured);
-  if (!by_points.ok()) return by_points.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto simulated, session.client->ExactCoverage(measured));
+  SIGHTLINE_ASSIGN_OR_RETURN(auto by_points, session.measured_gain_model->ExactCoverage(measured));
   for (int i = 0; i < message.scans_size(); ++i) {
-    message.mutable_scans(i)->set_covered_targets((*by_points)[i].covered.Count());
-    message.mutable_scans(i)->set_simulated_covered_targets((*simulated)[i].covered.Count());
+    message.mutable_scans(i)->set_covered_targets(by_points[i].covered.Count());
+    message.mutable_scans(i)->set_simulated_covered_targets(simulated[i].covered.Count());
   }
   std::vector<Measurement> now;
   for (const ChosenScan& scan : document->scans) now.push_back(scan.measurement);
@@ -278,9 +268,9 @@ absl::Status DescribeAsMeasured(const EarlierPlan& earlier, const PlanningSessio
       {&now, &v1::AsMeasured::set_settled},
       {&measured, &v1::AsMeasured::set_measured_settled}};
   for (const auto& [scans, set] : wanted) {
-    auto fraction = SatisfiedFraction(*session.measured_gain_model, *scans);
-    if (!fraction.ok()) return fraction.status();
-    (message.*set)(*fraction);
+    SIGHTLINE_ASSIGN_OR_RETURN(auto fraction,
+                               SatisfiedFraction(*session.measured_gain_model, *scans));
+    (message.*set)(fraction);
   }
   message.set_earlier_scans(static_cast<int32_t>(earlier.scans.size()));
   return absl::OkStatus();

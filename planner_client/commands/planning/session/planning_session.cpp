@@ -14,6 +14,7 @@
 #include "core/json/strict_json.h"
 #include "core/random/random.h"
 #include "core/rig/sensor_bodies.h"
+#include "core/status/status_macros.h"
 #include "core/text/number_text.h"
 #include "planner_client/command_line/process/interrupt.h"
 #include "planner_client/command_line/process/print.h"
@@ -65,9 +66,7 @@ bool NoRoomForBodies(const Inspection& inspection) {
 // Faces that the part rests on, and limits that follow from the required resolution.
 absl::Status HoldPartOf(PlanningSession& session) {
   DeriveLimits(&session.inspection);
-  auto held = HoldPart(*session.part, &session.inspection);
-  if (!held.ok()) return held.status();
-  session.held = *std::move(held);
+  SIGHTLINE_ASSIGN_OR_RETURN(session.held, HoldPart(*session.part, &session.inspection));
   return absl::OkStatus();
 }
 
@@ -146,43 +145,36 @@ absl::StatusOr<std::optional<Requirements>> ReadRequirements(const Inspection& i
   if (const std::string& file = inspection.tolerances->file; !file.empty()) {
     ToleranceImportOptions options;
     options.length_unit = inspection.tolerances->file_unit;
-    auto read = ImportTolerances(file, options);
-    if (!read.ok()) return read.status();
-    auto found = FacesOf(*read, part);
-    if (!found.ok()) return found.status();
-    faces = *std::move(found);
-    report = std::move(read->report);
+    SIGHTLINE_ASSIGN_OR_RETURN(auto read, ImportTolerances(file, options));
+    SIGHTLINE_ASSIGN_OR_RETURN(faces, FacesOf(read, part));
+    report = std::move(read.report);
   }
-  auto requirements = MakeRequirements(inspection, part, report, faces);
-  if (!requirements.ok()) return requirements.status();
-  for (const UnreadTolerance& tolerance : requirements->left_out) {
+  SIGHTLINE_ASSIGN_OR_RETURN(auto requirements, MakeRequirements(inspection, part, report, faces));
+  for (const UnreadTolerance& tolerance : requirements.left_out) {
     PrintTextTo(stderr, "tolerance left out: %s: %s\n", tolerance.name.c_str(),
                 tolerance.reason.c_str());
   }
-  return std::optional<Requirements>(*std::move(requirements));
+  return std::optional<Requirements>(std::move(requirements));
 }
 
 absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
   const auto start = std::chrono::steady_clock::now();
   PlanningSession session;
-  auto inspection = ReadInspectionWithFiles(options.inspection_file);
-  if (!inspection.ok()) return inspection.status();
-  session.inspection = std::move(*inspection);
+  SIGHTLINE_ASSIGN_OR_RETURN(session.inspection, ReadInspectionWithFiles(options.inspection_file));
   if (options.line_detection && session.inspection.uncertainty) {
     session.inspection.uncertainty->detection = *options.line_detection;
   }
 
   PartFileOptions part_options;
   part_options.construction_geometry = session.inspection.part_construction_geometry;
-  auto part =
-      LoadPartFile(session.inspection.part_file, session.inspection.part_unit, part_options);
-  if (!part.ok()) return part.status();
-  session.health = CheckPartHealth(*part);
-  session.part = std::make_shared<const TriangleMesh>(std::move(*part));
+  SIGHTLINE_ASSIGN_OR_RETURN(auto part, LoadPartFile(session.inspection.part_file,
+                                                     session.inspection.part_unit, part_options));
+  session.health = CheckPartHealth(part);
+  session.part = std::make_shared<const TriangleMesh>(std::move(part));
   session.part_digest = PartDigestOf(*session.part);
-  auto remarks = options.plans.CheckBelongTo(session.part_digest, session.inspection.part_file);
-  if (!remarks.ok()) return remarks.status();
-  session.plan_remarks = *std::move(remarks);
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      session.plan_remarks,
+      options.plans.CheckBelongTo(session.part_digest, session.inspection.part_file));
   for (const std::string& remark : session.plan_remarks) {
     PrintTextTo(stderr, "warning: %s\n", remark.c_str());
   }
@@ -196,22 +188,20 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
     PrintTextTo(stderr, "part: %s\n", finding.c_str());
   }
 
-  if (absl::Status status = HoldPartOf(session); !status.ok()) return status;
-  auto requirements = ReadRequirements(session.inspection, *session.part);
-  if (!requirements.ok()) return requirements.status();
-  session.requirements = *std::move(requirements);
+  SIGHTLINE_RETURN_IF_ERROR(HoldPartOf(session));
+  SIGHTLINE_ASSIGN_OR_RETURN(session.requirements,
+                             ReadRequirements(session.inspection, *session.part));
   if (session.requirements && session.ForUncertainty()) {
-    absl::Status reach = CheckReach(session.inspection, *session.requirements);
-    if (!reach.ok()) return reach;
+    SIGHTLINE_RETURN_IF_ERROR(CheckReach(session.inspection, *session.requirements));
   }
 
   CoverageTask task;
-  auto light = LightOfSession(options.inspection_file, session.inspection, *session.part,
-                              options.worker, kLightPhase);
-  if (!light.ok()) return light.status();
-  if (*light) {
-    task.detectability = std::move((*light)->detectability);
-    for (std::string& remark : (*light)->remarks) session.plan_remarks.push_back(std::move(remark));
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      auto light, LightOfSession(options.inspection_file, session.inspection, *session.part,
+                                 options.worker, kLightPhase));
+  if (light) {
+    task.detectability = std::move(light->detectability);
+    for (std::string& remark : light->remarks) session.plan_remarks.push_back(std::move(remark));
   }
   task.part = session.part;
   task.part_name = session.inspection.part_file;
@@ -221,12 +211,11 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
   task.uncertainty = session.inspection.uncertainty;
   std::vector<PlacedObstacle> placed;
   for (const ObstacleSource& source : session.inspection.obstacles) {
-    auto mesh = LoadPartFile(source.file, source.unit);
-    if (!mesh.ok()) return mesh.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(auto mesh, LoadPartFile(source.file, source.unit));
     std::string name = source.name;
     if (name.empty()) name = std::filesystem::path(source.file).filename().string();
     task.obstacles.push_back(
-        {std::make_shared<const TriangleMesh>(std::move(*mesh)), source.frame, name});
+        {std::make_shared<const TriangleMesh>(std::move(mesh)), source.frame, name});
     placed.push_back({task.obstacles.back().mesh.get(), source.frame, name});
   }
   if (absl::Status left =
@@ -246,7 +235,7 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
                               ObstacleFrame::kTable, "table"});
   }
   if (options.before_upload) {
-    if (absl::Status status = options.before_upload(session, task); !status.ok()) return status;
+    SIGHTLINE_RETURN_IF_ERROR(options.before_upload(session, task));
   }
   session.obstacles = task.obstacles;
 
@@ -258,14 +247,11 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
   CoverageClientOptions client;
   client.address = options.coverage_server;
   client.interrupted = &InterruptFlag();
-  absl::Status tls = UseServerTls(options.tls, !options.coverage_server.empty(), &client);
-  if (!tls.ok()) return tls;
+  SIGHTLINE_RETURN_IF_ERROR(UseServerTls(options.tls, !options.coverage_server.empty(), &client));
   if (options.coverage_server.empty()) {
     EmbeddedServerOptions embedded;
     embedded.interrupted = &InterruptFlag();
-    auto server = EmbeddedServer::Start(std::move(embedded));
-    if (!server.ok()) return server.status();
-    session.server = std::move(*server);
+    SIGHTLINE_ASSIGN_OR_RETURN(session.server, EmbeddedServer::Start(std::move(embedded)));
     client.embedded = session.server.get();
   }
   ProgressPhase phase = kOpenSessionPhase;
@@ -279,17 +265,14 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
   };
   CoverageTask validation_task = task;
   const bool light_limits = task.detectability.has_value();
-  auto opened = CoverageClient::Open(client, std::move(task));
-  if (!opened.ok()) return opened.status();
-  session.client = std::move(*opened);
+  SIGHTLINE_ASSIGN_OR_RETURN(session.client, CoverageClient::Open(client, std::move(task)));
   if (options.fresh_targets) {
     progress.Enter({middle, kOpenSessionPhase.end});
     validation_task.sampling.seed = FreshSeed(validation_task.sampling.seed);
     validation_task.field_directions =
         std::min(validation_task.field_directions, kFreshFieldDirections);
-    auto fresh = CoverageClient::Open(std::move(client), std::move(validation_task));
-    if (!fresh.ok()) return fresh.status();
-    session.validation_client = std::move(*fresh);
+    SIGHTLINE_ASSIGN_OR_RETURN(session.validation_client,
+                               CoverageClient::Open(std::move(client), std::move(validation_task)));
   }
   progress.Finish();
   const SceneInfo& scene = session.client->scene();
@@ -325,7 +308,7 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
                                : "",
                            light_limits ? ", and the light of the materials (detectability)" : ""));
   }
-  if (absl::Status status = MakeGainModel(session); !status.ok()) return status;
+  SIGHTLINE_RETURN_IF_ERROR(MakeGainModel(session));
   AskRobotFirst(options.kept_scans, &session);
   return session;
 }

@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/random/random.h"
+#include "core/status/status_macros.h"
 #include "planner_client/command_line/process/interrupt.h"
 #include "planner_client/command_line/process/print.h"
 #include "planner_client/gain_model/reachable_gain_model.h"
@@ -102,9 +103,7 @@ absl::Status OpenRobotCell(const CoverageTask& task, PlanningSession* session) {
   for (const auto& obstacle : task.obstacles) {
     cell.obstacles.push_back({obstacle.name, obstacle.mesh, obstacle.frame});
   }
-  auto made = RobotCell::Make(std::move(cell));
-  if (!made.ok()) return made.status();
-  session->robot = *std::move(made);
+  SIGHTLINE_ASSIGN_OR_RETURN(session->robot, RobotCell::Make(std::move(cell)));
   return absl::OkStatus();
 }
 

@@ -13,6 +13,7 @@
 #include "core/inspection/exposure_limit.h"
 #include "core/json/strict_json.h"
 #include "core/process/program_path.h"
+#include "core/status/status_macros.h"
 #include "core/text/number_text.h"
 #include "planner_client/command_line/process/print.h"
 #include "planner_client/commands/part_assets.h"
@@ -71,36 +72,37 @@ absl::StatusOr<DetectabilityQuestion> QuestionFor(const std::string& inspection_
                                                   const std::set<std::string>& surfaces,
                                                   std::vector<std::string>* bare) {
   v1::Inspection message;
-  if (absl::Status s = ReadStrictJsonFile(inspection_file, &message); !s.ok()) return s;
-  auto inlined = InlineInspectionFiles(
-      message, inspection_file, std::filesystem::path(inspection_file).parent_path().string());
-  if (!inlined.ok()) return inlined.status();
+  SIGHTLINE_RETURN_IF_ERROR(ReadStrictJsonFile(inspection_file, &message));
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      auto inlined,
+      InlineInspectionFiles(message, inspection_file,
+                            std::filesystem::path(inspection_file).parent_path().string()));
 
   DetectabilityQuestion question;
   v1::Inspection& asked = *question.request.mutable_inspection();
-  asked.set_defaults(inlined->defaults());
+  asked.set_defaults(inlined.defaults());
   // Messages need a part; the worker does not read it.
   asked.mutable_part()->set_file("facet.stl");
   asked.mutable_part()->set_unit("m");
-  *asked.mutable_camera() = inlined->camera();
-  *asked.mutable_lens() = inlined->lens();
-  *asked.mutable_laser() = inlined->laser();
-  if (inlined->has_lighting()) *asked.mutable_lighting() = inlined->lighting();
-  if (inlined->has_render()) *asked.mutable_render() = inlined->render();
-  if (inlined->has_optics()) *asked.mutable_optics() = inlined->optics();
-  *asked.mutable_effects() = inlined->effects();
-  if (inlined->measurement().has_camera_distance_m()) {
+  *asked.mutable_camera() = inlined.camera();
+  *asked.mutable_lens() = inlined.lens();
+  *asked.mutable_laser() = inlined.laser();
+  if (inlined.has_lighting()) *asked.mutable_lighting() = inlined.lighting();
+  if (inlined.has_render()) *asked.mutable_render() = inlined.render();
+  if (inlined.has_optics()) *asked.mutable_optics() = inlined.optics();
+  *asked.mutable_effects() = inlined.effects();
+  if (inlined.measurement().has_camera_distance_m()) {
     *asked.mutable_measurement()->mutable_camera_distance_m() =
-        inlined->measurement().camera_distance_m();
+        inlined.measurement().camera_distance_m();
   }
-  if (inlined->detectability().has_min_detected_fraction()) {
+  if (inlined.detectability().has_min_detected_fraction()) {
     asked.mutable_detectability()->set_min_detected_fraction(
-        inlined->detectability().min_detected_fraction());
+        inlined.detectability().min_detected_fraction());
   }
   // Surfaces with a material of their own, and one for all others.
   std::set<std::string> own, needed;
   bool has_fallback = false;
-  for (const v1::MaterialAssignment& assignment : inlined->materials()) {
+  for (const v1::MaterialAssignment& assignment : inlined.materials()) {
     if (assignment.part_material().empty()) {
       has_fallback = true;
     } else {
@@ -111,40 +113,35 @@ absl::StatusOr<DetectabilityQuestion> QuestionFor(const std::string& inspection_
     needed.insert(own.count(surface) > 0 ? surface : "");
     if (own.count(surface) == 0 && !has_fallback) bare->push_back(surface);
   }
-  for (const v1::MaterialAssignment& assignment : inlined->materials()) {
+  for (const v1::MaterialAssignment& assignment : inlined.materials()) {
     if (needed.count(assignment.part_material()) > 0) *asked.add_materials() = assignment;
   }
   if (!bare->empty()) *asked.add_materials()->mutable_material() = MattAluminium();
   for (const std::string& name : needed) question.request.add_part_materials(name);
-  if (absl::Status s =
-          TakeMaterialAssets(inspection_file, asked.mutable_materials(), &question.assets);
-      !s.ok()) {
-    return s;
-  }
+  SIGHTLINE_RETURN_IF_ERROR(
+      TakeMaterialAssets(inspection_file, asked.mutable_materials(), &question.assets));
   return question;
 }
 
 // A name for the build of the worker, under which its answers are kept.
 absl::StatusOr<std::string> WorkerBuild(const WorkerSessionOptions& worker) {
   if (!worker.address.empty()) return absl::StrCat("remote ", SIGHTLINE_VERSION);
-  const auto digest = DigestOfFile(FindProgram("render_worker").string());
-  if (!digest.ok()) return digest.status();
-  return digest->sha256;
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto digest,
+                             DigestOfFile(FindProgram("render_worker").string()));
+  return digest.sha256;
 }
 
 absl::StatusOr<v1::DetectabilityTable> TableFor(const DetectabilityQuestion& question,
                                                 const WorkerSessionOptions& worker,
                                                 const ProgressPhase& phase) {
-  const auto build = WorkerBuild(worker);
-  if (!build.ok()) return build.status();
-  const auto folder = UserCacheFolder("detectability");
-  if (!folder.ok()) return folder.status();
-  return KeptDetectability(*folder, *build, question,
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto build, WorkerBuild(worker));
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto folder, UserCacheFolder("detectability"));
+  return KeptDetectability(folder, build, question,
                            [&]() -> absl::StatusOr<v1::DetectabilityTable> {
                              ProgressLine progress(phase);
                              WorkerClientOptions client;
-                             const auto server = StartWorkerSession(worker, &progress, &client);
-                             if (!server.ok()) return server.status();
+                             SIGHTLINE_ASSIGN_OR_RETURN(
+                                 const auto server, StartWorkerSession(worker, &progress, &client));
                              auto table = AskDetectability(client, question);
                              progress.Finish();
                              return table;
@@ -163,26 +160,25 @@ absl::StatusOr<std::optional<SessionLight>> LightOfSession(const std::string& in
                                                            const WorkerSessionOptions& worker,
                                                            const ProgressPhase& phase) {
   if (!inspection.detectability) return std::nullopt;
-  const auto permitted = PermittedExposuresOf(inspection, inspection_file);
-  if (!permitted.ok()) return permitted.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto permitted,
+                             PermittedExposuresOf(inspection, inspection_file));
   PrintTextTo(stderr, "light: exposures of %s to %s are permitted (the longest by %s)\n",
-              MillisecondsText(permitted->shortest_s).c_str(),
-              MillisecondsText(permitted->longest_s).c_str(), permitted->longest_because.c_str());
+              MillisecondsText(permitted.shortest_s).c_str(),
+              MillisecondsText(permitted.longest_s).c_str(), permitted.longest_because.c_str());
   SessionLight light;
-  light.detectability.set_min_exposure_time_s(permitted->shortest_s);
-  light.detectability.set_max_exposure_time_s(permitted->longest_s);
+  light.detectability.set_min_exposure_time_s(permitted.shortest_s);
+  light.detectability.set_max_exposure_time_s(permitted.longest_s);
   const std::set<std::string> surfaces = SurfacesOf(part);
   if (!inspection.detectability->materials.empty()) {
-    absl::Status known = CheckTableNames(inspection_file, *inspection.detectability, surfaces);
-    if (!known.ok()) return known;
+    SIGHTLINE_RETURN_IF_ERROR(
+        CheckTableNames(inspection_file, *inspection.detectability, surfaces));
     v1::Inspection message;
-    if (absl::Status s = ReadStrictJsonFile(inspection_file, &message); !s.ok()) return s;
+    SIGHTLINE_RETURN_IF_ERROR(ReadStrictJsonFile(inspection_file, &message));
     *light.detectability.mutable_table() = message.detectability().table();
     return light;
   }
   std::vector<std::string> bare;
-  auto question = QuestionFor(inspection_file, surfaces, &bare);
-  if (!question.ok()) return question.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(auto question, QuestionFor(inspection_file, surfaces, &bare));
   if (!bare.empty()) {
     std::vector<std::string> names;
     for (const std::string& name : bare) {
@@ -195,7 +191,7 @@ absl::StatusOr<std::optional<SessionLight>> LightOfSession(const std::string& in
         "; matt aluminium is assumed (diffuse albedo 0.4, F0 0.4, GGX roughness 0.6)"));
     PrintTextTo(stderr, "%s\n", light.remarks.back().c_str());
   }
-  auto table = TableFor(*question, worker, phase);
+  auto table = TableFor(question, worker, phase);
   if (absl::IsNotFound(table.status())) {
     return absl::NotFoundError(absl::StrCat(
         inspection_file, ": detectability needs the render worker: ", table.status().message(),

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "core/status/status_macros.h"
 #include "planner_client/report/document/report_series.h"
 #include "planner_client/report/inspection/deviation_views.h"
 #include "planner_client/report/page/html.h"
@@ -189,10 +190,9 @@ absl::StatusOr<ReportBlocks> AsMeasuredBlocks(const v1::AsMeasured& found, int s
   ReportBlocks deviation = {DeviationText(found.deviation())};
   if (!deviations.empty()) {
     deviation.push_back(Histogram(deviations));
-    auto views = Views(deviations);
-    if (!views.ok()) return views.status();
+    SIGHTLINE_ASSIGN_OR_RETURN(auto views, Views(deviations));
     deviation.push_back(RemarkBlock("Deviations that are not significant are grey."));
-    for (const v1::ReportBlock& block : *views) deviation.push_back(block);
+    for (const v1::ReportBlock& block : views) deviation.push_back(block);
   }
   return ReportBlocks{
       RemarkBlock(absl::StrCat(
