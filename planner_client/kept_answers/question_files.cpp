@@ -378,8 +378,9 @@ std::string FileContents::Digest() const {
 
 absl::Status FileContents::CheckUnchanged() const {
   for (size_t i = 0; i < files_.size(); ++i) {
-    SIGHTLINE_ASSIGN_OR_RETURN(const auto now, ContentDigest(files_[i].path));
-    if (now == digests_[i]) continue;
+    const auto now = ContentDigest(files_[i].path);
+    if (!now.ok()) return now.status();
+    if (*now == digests_[i]) continue;
     return absl::AbortedError(absl::StrCat(files_[i].path, " (", files_[i].named_by,
                                            "): has changed while it was read; start again"));
   }

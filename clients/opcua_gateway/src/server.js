@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The OPC UA server: security, limits, and a vision system for each client.
-import {mkdirSync, rmSync} from 'node:fs';
+import {existsSync, mkdirSync, readFileSync, rmSync} from 'node:fs';
 import path from 'node:path';
 import opcua from 'node-opcua';
 import {readConfiguration} from './configuration.js';
@@ -9,6 +9,7 @@ import {bindJobMethods} from './nodes/job_methods.js';
 import {addMachinery} from './nodes/machinery.js';
 import {addJobManagement} from './nodes/machinery_jobs.js';
 import {addResultManagement} from './nodes/machinery_results.js';
+import {lockFolder} from './orders/folder_lock.js';
 import {Ledger} from './orders/ledger.js';
 import {bindRecipeMethods} from './nodes/recipe_methods.js';
 import {bindResultMethods} from './nodes/result_methods.js';
@@ -36,7 +37,19 @@ function capabilities(max_sessions) {
   };
 }
 
+// A gateway that was killed while it made its certificate or key left a part of the file, with which no
+// later start would succeed.
+function removeTornFiles(pki) {
+  for (const name of ['certs/certificate.pem', 'private/private_key.pem']) {
+    const file = path.join(pki, 'own', name);
+    if (!existsSync(file) || /-----END [A-Z ]+-----\s*$/.test(readFileSync(file, 'latin1'))) continue;
+    console.error(`${file}: is incomplete and is made anew`);
+    rmSync(file);
+  }
+}
+
 async function makeServer(configuration, users) {
+  for (const folder of ['pki', 'user_pki']) removeTornFiles(path.join(configuration.data, folder));
   const serverCertificateManager = new OPCUACertificateManager({rootFolder: path.join(configuration.data, 'pki'),
     automaticallyAcceptUnknownCertificate: configuration.accept_unknown_certificates});
   const userCertificateManager = new UserCertificates(path.join(configuration.data, 'user_pki'), users);
@@ -81,10 +94,11 @@ function makeSystem(configuration, client, address_space, users) {
 }
 
 // Starts the gateway. Returns its endpoint's address and a function that ends it in order. Throws an
-// Error when the configuration or a ledger is wrong or the port is taken.
+// Error when the configuration or a ledger is wrong, another gateway has the folder `data`, or the port is taken.
 export async function start(file) {
   const configuration = readConfiguration(file);
   mkdirSync(configuration.data, {recursive: true, mode: 0o700});
+  const lock = await lockFolder(configuration.data);
   const users = new Users(configuration.clients);
   const server = await makeServer(configuration, users);
   await server.initialize();
@@ -103,6 +117,7 @@ export async function start(file) {
       system.transfers.closeAll();
       system.service.close();
     }
+    lock.close();
   };
   return {url: server.getEndpointUrl(), stop};
 }

@@ -261,6 +261,44 @@ test('another client sees states, and neither calls methods nor gets events or r
   await logout(other);
 });
 
+test('an id that was used for something else, and exchanged arguments, are refused', async () => {
+  const {vision} = mes;
+  const call = async ({meas = ['MeasIdDataType', 'same'], part = '', product = '', recipe_type = 'RecipeIdExternalDataType'}) => {
+    const structure = ([type, id]) => vision.structure(type, {id});
+    return statusOf(vision.call([...AUTOMATIC, 'StartSingleJob'], [await structure(meas), await structure(['PartIdDataType', part]),
+      await structure([recipe_type, 'same recipe']), await structure(['ProductIdDataType', product]),
+      {dataType: DataType.Variant, arrayType: 1, value: []}]));
+  };
+  await vision.sendRecipe('same recipe', await recipe([['task.json', '{"kind": "plan"}']]));
+  await becomes('Ready');
+  assert.equal(await call({meas: ['PartIdDataType', 'same']}), 'BadTypeMismatch');
+  assert.equal(await call({recipe_type: 'MeasIdDataType'}), 'BadTypeMismatch');
+  assert.equal(await call({part: 'part 1'}), 'Good');
+  service.end(service.jobs.get('same'));
+  await becomes('Ready');
+  assert.equal(await call({part: 'part 1'}), 'Good');
+  assert.equal(await call({part: 'part 2'}), 'BadEntryExists');
+  assert.equal(await call({part: 'part 1', product: 'product'}), 'BadEntryExists');
+  await vision.sendRecipe('same recipe', await recipe([['task.json', '{"kind": "evaluate"}']]));
+  assert.equal(await call({part: 'part 1'}), 'BadEntryExists');
+  // Both contents, so that later tests have one recipe.
+  for (let i = 0; i < 2; i++) {
+    await statusOf(vision.call(['RecipeManagement', 'RemoveRecipe'], [await vision.structure('RecipeIdExternalDataType', {id: 'same recipe'})]));
+  }
+});
+
+test('a second gateway with the same folder ends and leaves the ledgers of the first', async () => {
+  const configuration = JSON.parse(readFileSync(path.join(work, 'gateway.json'), 'utf8'));
+  const second = path.join(work, 'second.json');
+  writeFileSync(second, JSON.stringify({...configuration, port: await freePort()}));
+  await assert.rejects(start(second), /another gateway is running with this folder/);
+  const ledger = () => readFileSync(path.join(work, 'data/clients/mes/ledger.jsonl'), 'utf8');
+  await mes.vision.startSingleJob('after the second', 'plan');
+  assert.match(ledger(), /after the second/);
+  service.end(service.jobs.get('after the second'));
+  await becomes('Ready');
+});
+
 test('users: a wrong password, nobody, certificates that are known, unknown and expired', async () => {
   for (const [identity, status] of [[user('mes', 'wrong'), /Rejected|Denied/], [user('nobody'), /Rejected|Denied/],
     [{type: UserTokenType.Anonymous}, /ANONYMOUS/], [certificates.unknown.identity, /Rejected/],

@@ -158,7 +158,7 @@ class JointPlanner {
     SIGHTLINE_ASSIGN_OR_RETURN(auto score,
                                session_.gain_model->ScorePlan(ScansOf(document_), true));
     round->set_settled_with(static_cast<double>(score.satisfied) /
-                            static_cast<double>(std::max<int64_t>(1, score.judged)));
+                            static_cast<double>(std::max<int64_t>(1, score.measurable)));
     return absl::OkStatus();
   }
 

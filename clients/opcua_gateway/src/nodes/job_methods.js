@@ -9,9 +9,16 @@ const MACHINE = ['VisionStateMachine'];
 const AUTOMATIC = ['VisionStateMachine', 'AutomaticModeStateMachine'];
 export const NO_ERROR = {dataType: DataType.Int32, value: 0};
 const MAX_ID_BYTES = 128;
+// Structures of the arguments. They all have one field, so that exchanged arguments would fit.
+const STRUCTURES = {MeasId: 'MeasIdDataType', PartId: 'PartIdDataType', ProductId: 'ProductIdDataType', RecipeId: 'RecipeIdExternalDataType',
+  ExternalId: 'RecipeIdExternalDataType', InternalId: 'RecipeIdInternalDataType'};
 
 // The id of a structure such as MeasIdDataType; '' where there is none. `name` is the argument's.
 export function idOf(structure, name = 'Id', max_bytes = MAX_ID_BYTES) {
+  const type = structure?.schema?.name;
+  if (type && STRUCTURES[name] && type !== STRUCTURES[name]) {
+    throw new MethodRefusal(StatusCodes.BadTypeMismatch, `${name}: is a ${type}, must be a ${STRUCTURES[name]}`);
+  }
   const id = structure?.id ?? '';
   if (Buffer.byteLength(id) > max_bytes) {
     throw new MethodRefusal(StatusCodes.BadInvalidArgument, `${name}: is longer than ${max_bytes} bytes`);
@@ -34,14 +41,25 @@ export function preparedRecipe(system, external_id) {
   return found.at(-1);
 }
 
+// Throws where an order of that id was for something else: its result would look like that of the new one.
+function checkSameOrder(system, known, {part_id, product_id, external_id}, name) {
+  const differs = (what) => {
+    throw new MethodRefusal(StatusCodes.BadEntryExists, `${name} ${known.request_id}: was used with another ${what}`);
+  };
+  if (external_id !== '' && known.external_recipe_id !== external_id) differs('recipe');
+  if (known.part_id !== part_id) differs('PartId');
+  if (known.product_id !== product_id) differs('ProductId');
+  const recipe = [...system.ledger.recipes.values()].filter((r) => r.prepared && r.external_id === known.external_recipe_id).at(-1);
+  if (recipe && known.recipe_digest && recipe.digest !== known.recipe_digest) differs('content of the recipe');
+}
+
 // Orders a job and returns its id, which is `meas_id` where there is one: the same again is the same job.
 // `name` is what the caller calls that id.
 export async function order(system, {meas_id, part_id, product_id, external_id}, name = 'MeasId') {
   const request_id = meas_id || randomUUID();
   const known = system.ledger.orders.get(request_id);
   if (known && !known.refusal) {
-    const same = external_id === '' || known.external_recipe_id === external_id;
-    if (!same) throw new MethodRefusal(StatusCodes.BadEntryExists, `${name} ${request_id}: was used with another recipe`);
+    checkSameOrder(system, known, {part_id, product_id, external_id}, name);
     await system.jobs.undecided.get(request_id);  // throws where the service refuses
     return request_id;
   }
@@ -53,7 +71,7 @@ export async function order(system, {meas_id, part_id, product_id, external_id},
     throw new MethodRefusal(StatusCodes.BadInvalidState, `the state is ${system.state}, must be Ready`);
   }
   await system.jobs.start({request_id, meas_id, part_id, product_id,
-    external_recipe_id: recipe.external_id, internal_recipe_id: recipe.internal_id});
+    external_recipe_id: recipe.external_id, internal_recipe_id: recipe.internal_id, recipe_digest: recipe.digest});
   if (system.state === 'Ready') system.observe('SINGLE_EXECUTION', 'StartSingleJob');
   return request_id;
 }

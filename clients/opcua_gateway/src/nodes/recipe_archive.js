@@ -47,7 +47,7 @@ export async function unpackRecipe(archive, folder) {
   if (!files['task.json']) throw new Error('task.json: the recipe does not have it');
   let task;
   try {
-    task = JSON.parse(await readFile(files['task.json'], 'utf8'));
+    task = JSON.parse(new TextDecoder('utf-8', {fatal: true}).decode(await readFile(files['task.json'])));
   } catch (error) {
     throw new Error(`task.json: ${error.message}`);
   }

@@ -62,7 +62,7 @@ class Recipes {
     if (this.system.ledger.recipes.size >= MAX_RECIPES) {
       throw new MethodRefusal(StatusCodes.BadResourceUnavailable, `there are ${MAX_RECIPES} recipes; remove some`);
     }
-    const recipe = {internal_id: randomUUID(), external_id, product_id: idOf(product), prepared: false, has_content: false};
+    const recipe = {internal_id: randomUUID(), external_id, product_id: idOf(product, 'ProductId'), prepared: false, has_content: false};
     this.system.ledger.write({recipe});
     return [structureValue(this.system, 'RecipeIdInternalDataType', this.internal(recipe)),
       {dataType: DataType.NodeId, value: NodeId.nullNodeId}, {dataType: DataType.NodeId, value: NodeId.nullNodeId},
@@ -70,7 +70,7 @@ class Recipes {
   }
 
   async remove([external]) {
-    const recipe = this.find(idOf(external), '');
+    const recipe = this.find(idOf(external, 'ExternalId'), '');
     if (recipe.prepared) await this.unprepare([external, null]);
     this.system.ledger.write({removed_recipe: recipe.internal_id});
     rmSync(this.archive(recipe.internal_id), {force: true});
@@ -79,7 +79,7 @@ class Recipes {
 
   // Transfers of the recipe's archive.
   generateForWrite([options], session) {
-    const recipe = this.find('', idOf(options?.internalId));
+    const recipe = this.find('', idOf(options?.internalId, 'InternalId'));
     const transfer = this.transfers.openForWrite(session, {internal_id: recipe.internal_id});
     return [{dataType: DataType.NodeId, value: transfer.node.nodeId}, {dataType: DataType.UInt32, value: transfer.handle}];
   }
@@ -96,7 +96,11 @@ class Recipes {
   }
 
   async prepare([external, internal]) {
-    const recipe = this.find(idOf(external), idOf(internal));
+    const recipe = this.find(idOf(external, 'ExternalId'), idOf(internal, 'InternalId'));
+    const hash = internal?.hash;
+    if (hash?.length > 0 && recipe.digest && !hash.equals(Buffer.from(recipe.digest, 'hex'))) {
+      throw new MethodRefusal(StatusCodes.BadInvalidArgument, 'InternalId.Hash: is of another content');
+    }
     if (!recipe.has_content) throw new MethodRefusal(StatusCodes.BadInvalidState, `recipe ${recipe.external_id}: has no content yet`);
     this.transfers.checkRoom(statSync(this.archive(recipe.internal_id)).size);
     const folder = mkdtempSync(path.join(this.folder, 'unpacked-'));
@@ -124,7 +128,7 @@ class Recipes {
   }
 
   async unprepare([external, internal]) {
-    const recipe = this.find(idOf(external), idOf(internal));
+    const recipe = this.find(idOf(external, 'ExternalId'), idOf(internal, 'InternalId'));
     // The service has the name's prepared recipe: unpreparing another one of that name leaves it.
     if (recipe.prepared) await this.system.service.call('UnprepareRecipe', {recipe_id: recipe.external_id});
     this.system.ledger.write({recipe: {internal_id: recipe.internal_id, prepared: false}});

@@ -67,13 +67,11 @@ export class Results {
 
   // Empty ids and state 0 match all. Newest last.
   list([state, meas, part, external, internal, external_configuration, internal_configuration, product, job, max_results, start]) {
-    void external_configuration;
-    void internal_configuration;
     const matches = (wanted, value) => idOf(wanted) === '' || idOf(wanted) === value;
     const all = [...this.system.ledger.orders.values()].filter((o) => o.job &&
       (state === 0 || RESULT_STATES[o.job.state] === state) && matches(meas, o.meas_id) && matches(part, o.part_id) &&
       matches(external, o.external_recipe_id) && matches(internal, o.internal_recipe_id) && matches(product, o.product_id) &&
-      matches(job, o.request_id));
+      matches(external_configuration, 'service') && matches(internal_configuration, 'service') && matches(job, o.request_id));
     const count = Math.min(max_results || MAX_LIST, MAX_LIST);
     const page = all.slice(start, start + count);
     return [{dataType: DataType.Boolean, value: start + page.length >= all.length}, {dataType: DataType.UInt32, value: page.length},
