@@ -31,7 +31,7 @@ CalibrationVerdict VerdictOf(const ScatterRatio& ratio);
 // "AGREES", "REAL_ERRORS_LARGER", "REAL_ERRORS_SMALLER", "NOT_DECIDED".
 const char* NameOf(CalibrationVerdict verdict);
 
-// What the verdict means for plans, and what to do, for people.
+// A sentence for people: the verdict, its consequence for plans, and what to do.
 std::string VerdictText(const ScatterRatio& ratio);
 
 // The remark of a used frame; empty if its scatter is within kFarOffRatio of the predicted one.
