@@ -130,7 +130,9 @@ export class FileTransfers {
     try {
       writeAll(transfer.descriptor, block, transfer.position);
     } catch (error) {
-      return refused(FULL_DISK_CODES.includes(error.code) ? StatusCodes.BadResourceUnavailable : StatusCodes.BadUnexpectedError);
+      if (!FULL_DISK_CODES.includes(error.code)) return refused(StatusCodes.BadUnexpectedError);
+      this.close(transfer);  // its part of the file would keep the disk full
+      return refused(StatusCodes.BadResourceUnavailable);
     }
     transfer.position += block.length;
     return good();
