@@ -110,7 +110,7 @@ TEST(ScanCountBoundTest, HoldsForFewerTargets) {
   bound.weights = {0.5, 0.2, 9, 0.4};
   TargetBits measurable(4);
   for (const size_t t : {0, 1, 3}) measurable.Set(t);
-  bound.goal_targets = bound.judged_targets = 3;
+  bound.goal_targets = bound.measurable_targets = 3;
   bound.bound = 1.1;
   bound.scans = 2;
   LowerGoal(measurable, 4, bound);
