@@ -19,6 +19,7 @@
 #include "core/sensor/sensor.h"
 #include "core/statistics/order_statistics.h"
 #include "planner_client/acceptance/artefact_mesh.h"
+#include "planner_client/acceptance/channel_planes.h"
 
 namespace sightline {
 namespace {
@@ -124,26 +125,14 @@ absl::StatusOr<std::vector<Image<uint16_t>>> Images(const RenderClientOptions& c
   return images;
 }
 
-// Every `step`-th pixel of both directions, from the first ones on.
-struct Plane {
-  int first_row = 0, first_column = 0, step = 1;
-};
-
-std::vector<Plane> PlanesOf(const Inspection& inspection) {
+std::vector<ChannelPlane> PlanesOf(const Inspection& inspection, const Crop& crop) {
   const Sensor& sensor = *inspection.sensor;
-  if (sensor.colour_filter == ColourFilter::kMono) return {Plane{}};
   const int channel = inspection.optics->detector.channel.value_or(
       MostSensitiveChannel(sensor, inspection.rig.laser.wavelength_m));
-  std::vector<Plane> planes;
-  for (const int row : {0, 1}) {
-    for (const int column : {0, 1}) {
-      if (sensor.ChannelAt(row, column) == channel) planes.push_back({row, column, 2});
-    }
-  }
-  return planes;
+  return PlanesOfChannel(sensor, channel, crop.columns_px, crop.rows_px);
 }
 
-Image<float> ValuesOf(const Image<uint16_t>& raw, const Plane& plane) {
+Image<float> ValuesOf(const Image<uint16_t>& raw, const ChannelPlane& plane) {
   Image<float> values((raw.columns_px - plane.first_column + plane.step - 1) / plane.step,
                       (raw.rows_px - plane.first_row + plane.step - 1) / plane.step);
   for (int r = 0; r < values.rows_px; ++r) {
@@ -178,7 +167,7 @@ LaserLineOptions DetectionOf(const Inspection& inspection, double ridge_sigma_px
 
 // The line of one plane, in pixels of the crop. The scale of the ridge filter follows the width of
 // the line, which a first detection measures.
-absl::StatusOr<std::vector<LinePoint>> LineOf(const Image<uint16_t>& raw, const Plane& plane,
+absl::StatusOr<std::vector<LinePoint>> LineOf(const Image<uint16_t>& raw, const ChannelPlane& plane,
                                               const Inspection& inspection) {
   const Image<float> values = ValuesOf(raw, plane);
   const LaserLineMethod method = inspection.optics->detector.method;
@@ -238,7 +227,7 @@ absl::StatusOr<double> ExposureOf(const RenderClientOptions& client, const Artef
   double best_s = 0;
   for (size_t i = 0; i < times_s.size(); ++i) {
     std::vector<double> peaks_dn;
-    for (const Plane& plane : PlanesOf(imaging.inspection)) {
+    for (const ChannelPlane& plane : PlanesOf(imaging.inspection, crop)) {
       const auto points = LineOf((*images)[i], plane, imaging.inspection);
       if (!points.ok()) return points.status();
       for (const LinePoint& p : *points) peaks_dn.push_back(p.peak_dn);
@@ -273,7 +262,7 @@ absl::StatusOr<RenderedLine> RenderLine(const RenderClientOptions& client,
   }
 
   RenderedLine line{LineDeviations({}, false), 0, {}, 0};
-  const std::vector<Plane> planes = PlanesOf(imaging.inspection);
+  const std::vector<ChannelPlane> planes = PlanesOf(imaging.inspection, crop);
   double visible = 0, found = 0;
   for (int r = 0; r < realisations; ++r) {
     const auto images =
@@ -282,7 +271,7 @@ absl::StatusOr<RenderedLine> RenderLine(const RenderClientOptions& client,
     if (!images.ok()) return images.status();
     for (size_t i = 0; i < chosen.size(); ++i) {
       std::map<int, double> rows_px;  // of detected points, in the whole image
-      for (const Plane& plane : planes) {
+      for (const ChannelPlane& plane : planes) {
         const auto points = LineOf((*images)[i], plane, imaging.inspection);
         if (!points.ok()) return points.status();
         for (const LinePoint& p : *points) {
@@ -296,9 +285,10 @@ absl::StatusOr<RenderedLine> RenderLine(const RenderClientOptions& client,
       for (const ArtefactPoint* p : truth.at(chosen[i])) {
         const int column = p->column_px - crop.first_column;
         if (column < 0 || column >= crop.columns_px) continue;
-        const bool of_channel = std::any_of(planes.begin(), planes.end(), [&](const Plane& plane) {
-          return (column - plane.first_column) % plane.step == 0;
-        });
+        const bool of_channel =
+            std::any_of(planes.begin(), planes.end(), [&](const ChannelPlane& plane) {
+              return (column - plane.first_column) % plane.step == 0;
+            });
         if (!of_channel) continue;
         ++visible;
         const auto detected = rows_px.find(p->column_px);
