@@ -209,6 +209,45 @@ std::map<int, std::vector<const ArtefactPoint*>> PointsOf(const ArtefactScan& sc
   return points;
 }
 
+// Deviations of the line that is detected in one image of a crop.
+struct SeenLine {
+  LineDeviations::Realisation line;
+  int visible = 0, found = 0;  // points in columns of the laser's channel; those that are detected
+};
+
+absl::StatusOr<SeenLine> DeviationsOf(const Image<uint16_t>& image, const Crop& crop,
+                                      const std::vector<ChannelPlane>& planes,
+                                      const Inspection& inspection,
+                                      const std::vector<const ArtefactPoint*>& truth) {
+  std::map<int, double> rows_px;  // of detected points, in the whole image
+  for (const ChannelPlane& plane : planes) {
+    const auto points = LineOf(image, plane, inspection);
+    if (!points.ok()) return points.status();
+    for (const LinePoint& p : *points) {
+      rows_px[crop.first_column + p.column_px] = crop.first_row + p.row_px;
+    }
+  }
+  SeenLine seen;
+  seen.line.rows_px.assign(static_cast<size_t>(crop.columns_px),
+                           std::numeric_limits<float>::quiet_NaN());
+  for (const ArtefactPoint* p : truth) {
+    const int column = p->column_px - crop.first_column;
+    if (column < 0 || column >= crop.columns_px) continue;
+    const bool of_channel = std::any_of(
+        planes.begin(), planes.end(),
+        [&](const ChannelPlane& plane) { return (column - plane.first_column) % plane.step == 0; });
+    if (!of_channel) continue;
+    ++seen.visible;
+    const auto detected = rows_px.find(p->column_px);
+    if (detected == rows_px.end()) continue;
+    const double deviation_px = detected->second - p->row_px;
+    if (!(std::abs(deviation_px) <= kReach_px)) continue;
+    ++seen.found;
+    seen.line.rows_px[static_cast<size_t>(column)] = static_cast<float>(deviation_px);
+  }
+  return seen;
+}
+
 }  // namespace
 
 absl::StatusOr<double> ExposureOf(const RenderClientOptions& client, const ArtefactImaging& imaging,
@@ -258,11 +297,25 @@ absl::StatusOr<RenderedLine> RenderLine(const RenderClientOptions& client,
   for (const int frame : chosen) {
     const double stage_m = scan.frames[static_cast<size_t>(frame)].stage_m;
     AddFrame(imaging, mesh, stage_m, exposure_time_s, &spec);
-    frames.push_back({stage_m - place.stage_m, crop.first_column - place.column_px, {}});
+    frames.push_back({stage_m - place.stage_m, crop.first_column - place.column_px, {}, {}});
   }
 
   RenderedLine line{LineDeviations({}, false), 0, {}, 0};
   const std::vector<ChannelPlane> planes = PlanesOf(imaging.inspection, crop);
+  // Without speckle the image is the mean one, up to the little noise of the sensor.
+  v1::RenderSpec mean_spec = spec;
+  mean_spec.mutable_part()->mutable_inspection()->mutable_render()->set_speckle(false);
+  const auto mean_images =
+      Images(client, imaging, mesh, std::move(mean_spec),
+             DeriveSeed(DeriveSeed(imaging.seed, "mean image"), artefact.name.c_str()));
+  if (!mean_images.ok()) return mean_images.status();
+  for (size_t i = 0; i < chosen.size(); ++i) {
+    auto systematic =
+        DeviationsOf((*mean_images)[i], crop, planes, imaging.inspection, truth.at(chosen[i]));
+    if (!systematic.ok()) return systematic.status();
+    frames[i].systematic = std::move(systematic->line);
+    ++line.images;
+  }
   double visible = 0, found = 0;
   for (int r = 0; r < realisations; ++r) {
     const auto images =
@@ -270,36 +323,22 @@ absl::StatusOr<RenderedLine> RenderLine(const RenderClientOptions& client,
                DeriveSeed(imaging.seed, artefact.name.c_str(), static_cast<uint64_t>(r)));
     if (!images.ok()) return images.status();
     for (size_t i = 0; i < chosen.size(); ++i) {
-      std::map<int, double> rows_px;  // of detected points, in the whole image
-      for (const ChannelPlane& plane : planes) {
-        const auto points = LineOf((*images)[i], plane, imaging.inspection);
-        if (!points.ok()) return points.status();
-        for (const LinePoint& p : *points) {
-          rows_px[crop.first_column + p.column_px] = crop.first_row + p.row_px;
-        }
-      }
+      const std::vector<const ArtefactPoint*>& points = truth.at(chosen[i]);
+      auto seen = DeviationsOf((*images)[i], crop, planes, imaging.inspection, points);
+      if (!seen.ok()) return seen.status();
       ++line.images;
-      LineDeviations::Realisation realisation;
-      realisation.rows_px.assign(static_cast<size_t>(crop.columns_px),
-                                 std::numeric_limits<float>::quiet_NaN());
-      for (const ArtefactPoint* p : truth.at(chosen[i])) {
+      visible += seen->visible;
+      found += seen->found;
+      for (const ArtefactPoint* p : points) {
         const int column = p->column_px - crop.first_column;
         if (column < 0 || column >= crop.columns_px) continue;
-        const bool of_channel =
-            std::any_of(planes.begin(), planes.end(), [&](const ChannelPlane& plane) {
-              return (column - plane.first_column) % plane.step == 0;
-            });
-        if (!of_channel) continue;
-        ++visible;
-        const auto detected = rows_px.find(p->column_px);
-        if (detected == rows_px.end()) continue;
-        const double deviation_px = detected->second - p->row_px;
-        if (!(std::abs(deviation_px) <= kReach_px)) continue;
-        ++found;
-        realisation.rows_px[static_cast<size_t>(column)] = static_cast<float>(deviation_px);
-        line.samples.push_back({p->incidence_rad, deviation_px});
+        const auto index = static_cast<size_t>(column);
+        const double deviation_px = seen->line.rows_px[index];
+        const double systematic_px = frames[i].systematic.rows_px[index];
+        if (!std::isfinite(deviation_px) || !std::isfinite(systematic_px)) continue;
+        line.samples.push_back({p->incidence_rad, systematic_px, deviation_px - systematic_px});
       }
-      frames[i].realisations.push_back(std::move(realisation));
+      frames[i].realisations.push_back(std::move(seen->line));
     }
   }
   line.found_fraction = visible > 0 ? found / visible : 0;
