@@ -7,6 +7,8 @@
 #include <array>
 #include <cmath>
 
+#include "core/association/surface_curvature.h"
+
 namespace sightline {
 namespace {
 
@@ -187,7 +189,7 @@ HolePatternWeights WeightsOfHolePattern(const Artefact& pattern) {
 //   plane     c + x t_x + y t_y
 LinearFit::LinearFit(const ArtefactSurface& surface, const std::vector<Vector3d>& positions_m,
                      const std::vector<Vector3d>& normals)
-    : kind_(surface.nominal.kind) {
+    : surface_(surface), positions_m_(positions_m), normals_(normals), kind_(surface.nominal.kind) {
   const auto n = static_cast<Eigen::Index>(positions_m.size());
   const NominalSurface& nominal = surface.nominal;
   const Vector3d u = u_ = nominal.axis.unitOrthogonal(), v = v_ = nominal.axis.cross(u);
@@ -208,7 +210,10 @@ LinearFit::LinearFit(const ArtefactSurface& surface, const std::vector<Vector3d>
           surface.side_y.dot(from_middle) / surface.half_side_m;
     }
   }
-  inverse_ = (design_.transpose() * design_).ldlt().solve(design_.transpose());
+  const MatrixXd normal_equations = design_.transpose() * design_;
+  normal_inverse_ =
+      normal_equations.ldlt().solve(MatrixXd::Identity(design_.cols(), design_.cols()));
+  inverse_ = normal_inverse_ * design_.transpose();
 }
 
 MatrixXd LinearFit::Parameters(const MatrixXd& deviations_m) const {
@@ -221,6 +226,32 @@ MatrixXd LinearFit::Residuals(const MatrixXd& deviations_m) const {
 
 double LinearFit::Variance(const VectorXd& combination, const VectorXd& variances_m2) const {
   return (combination.transpose() * inverse_).cwiseAbs2().dot(variances_m2.transpose());
+}
+
+VectorXd LinearFit::MeanChange(std::span<const PointNoise> noise) const {
+  const Vector3d& axis = surface_.nominal.axis;
+  VectorXd sum = VectorXd::Zero(design_.cols());
+  for (const PointNoise& error : noise) {
+    const Vector3d &t = error.first_m, &normal = normals_[error.point];
+    const Vector3d& position_m = positions_m_[error.point];
+    const Vector3d turn = DistanceHessian(surface_.nominal, position_m) * t;
+    VectorXd change = VectorXd::Zero(design_.cols());  // of the row of the design
+    if (kind_ == SurfaceKind::kSphere) {
+      change.head<3>() = turn;
+    } else if (kind_ == SurfaceKind::kCylinder) {
+      const double s = axis.dot(position_m - surface_.nominal.point_m) / surface_.half_length_m;
+      const double along = axis.dot(t) / surface_.half_length_m;
+      change.head<4>() << turn.dot(u_), turn.dot(v_), s * turn.dot(u_) + along * normal.dot(u_),
+          s * turn.dot(v_) + along * normal.dot(v_);
+    } else {
+      change.head<3>() << 0, surface_.side_x.dot(t) / surface_.half_side_m,
+          surface_.side_y.dot(t) / surface_.half_side_m;
+    }
+    sum += 0.5 * (t.dot(turn) + normal.dot(error.second_m)) *
+           design_.row(static_cast<Eigen::Index>(error.point)).transpose();
+    sum += normal.dot(t) * change;
+  }
+  return normal_inverse_ * sum;
 }
 
 VectorXd LinearFit::Diameter() const {

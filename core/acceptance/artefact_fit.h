@@ -63,6 +63,13 @@ struct HolePatternWeights {
 };
 HolePatternWeights WeightsOfHolePattern(const Artefact& pattern);
 
+// Independent random error of one point: it moves by first_m e + second_m e^2 / 2 with e of mean 0
+// and variance 1.
+struct PointNoise {
+  size_t point = 0;
+  Eigen::Vector3d first_m, second_m;
+};
+
 // The same to first order, for deviations of the points along their normals.
 class LinearFit {
  public:
@@ -77,16 +84,27 @@ class LinearFit {
   // Sums over the points of squared sensitivities times variances: variance of a parameter
   // combination by independent deviations.
   double Variance(const Eigen::VectorXd& combination, const Eigen::VectorXd& variances_m2) const;
+  // Mean change of the parameters by random errors of the points, to second order. Least squares
+  // are biased where the surface is curved: an error along the line of sight moves the point along
+  // the surface too, so that its distance grows by e^2 t' H t / 2, with t = first_m and the Hessian
+  // H of the distance, and its normal turns by e H t in step with the distance e n . t. With the
+  // rows a_i of the design, their derivatives m_i along t_i and A = sum a_i a_i' the mean is
+  //   A^-1 sum_i [a_i (t_i' H_i t_i + n_i . second_i) / 2 + m_i (n_i . t_i)].
+  // Terms of the order of A^-1 a_i a_i' are left out.
+  Eigen::VectorXd MeanChange(std::span<const PointNoise> noise) const;
   // Combination of the parameters that is the diameter, or the displacement along a direction of a
   // sphere's centre or of the middle of a bore's axis.
   Eigen::VectorXd Diameter() const;
   Eigen::VectorXd Displacement(const Eigen::Vector3d& direction) const;
 
  private:
+  ArtefactSurface surface_;
+  std::vector<Eigen::Vector3d> positions_m_, normals_;
   SurfaceKind kind_;
-  Eigen::Vector3d u_, v_;    // across the axis
-  Eigen::MatrixXd design_;   // deviations = design * parameters
-  Eigen::MatrixXd inverse_;  // pseudo-inverse of the design
+  Eigen::Vector3d u_, v_;           // across the axis
+  Eigen::MatrixXd design_;          // deviations = design * parameters
+  Eigen::MatrixXd normal_inverse_;  // of the design's normal equations
+  Eigen::MatrixXd inverse_;         // pseudo-inverse of the design
 };
 
 }  // namespace sightline

@@ -4,7 +4,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <optional>
+#include <set>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -176,6 +179,24 @@ ArtefactScan ScanArtefact(const Rig& rig, const ScanGeometry& geometry, const Ar
                       scan.points.end());
   }
   return scan;
+}
+
+void ThinColumns(int most_points, ArtefactScan* scan) {
+  std::map<int, std::map<int, int>> columns;  // points by surface and column
+  for (const ArtefactPoint& p : scan->points) ++columns[p.surface][p.column_px];
+  std::set<std::pair<int, int>> kept;
+  for (const auto& [surface, counts] : columns) {
+    int points = 0;
+    for (const auto& [column, count] : counts) points += count;
+    const int stride = (points + most_points - 1) / most_points;
+    int rank = 0;
+    for (const auto& [column, count] : counts) {
+      if (rank++ % stride == 0) kept.emplace(surface, column);
+    }
+  }
+  std::erase_if(scan->points, [&](const ArtefactPoint& p) {
+    return !kept.contains({p.surface, p.column_px});
+  });
 }
 
 }  // namespace sightline

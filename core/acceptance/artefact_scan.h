@@ -57,4 +57,7 @@ absl::Status FitsIntoField(const Rig& rig, const ScanGeometry& geometry, const A
 ArtefactScan ScanArtefact(const Rig& rig, const ScanGeometry& geometry, const Artefact& artefact,
                           const SightLimits& limits);
 
+// Leaves out columns of every surface evenly until at most `most_points` points of it are left.
+void ThinColumns(int most_points, ArtefactScan* scan);
+
 }  // namespace sightline

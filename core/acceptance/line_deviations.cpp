@@ -27,29 +27,32 @@ const LineDeviations::Frame& LineDeviations::Nearest(double stage_m) const {
   return stage_m - below->stage_m < above->stage_m - stage_m ? *below : *above;
 }
 
-std::optional<double> LineDeviations::At(double stage_m, int column, int realisation) const {
-  if (frames_.empty()) return std::nullopt;
-  const Frame& frame = Nearest(stage_m);
-  const std::vector<float>& rows = frame.realisations[static_cast<size_t>(realisation)].rows_px;
-  const auto columns = static_cast<int>(rows.size());
+std::optional<double> LineDeviations::At(const Frame& frame, const Realisation& line,
+                                         int column) const {
+  const auto columns = static_cast<int>(line.rows_px.size());
   int index = column - frame.first_column;
   if (repeats_ && columns > 0) index = ((index % columns) + columns) % columns;
   if (index < 0 || index >= columns) return std::nullopt;
-  const double deviation_px = rows[static_cast<size_t>(index)];
+  const double deviation_px = line.rows_px[static_cast<size_t>(index)];
   if (!std::isfinite(deviation_px)) return std::nullopt;
   return deviation_px;
 }
 
-LineDeviations::Mean LineDeviations::MeanAt(double stage_m, int column) const {
-  Mean mean;
-  for (int r = 0; r < realisations(); ++r) {
-    const std::optional<double> deviation_px = At(stage_m, column, r);
-    if (!deviation_px) continue;
-    mean.deviation_px += *deviation_px;
-    ++mean.count;
-  }
-  if (mean.count > 0) mean.deviation_px /= mean.count;
-  return mean;
+std::optional<double> LineDeviations::Systematic(double stage_m, int column) const {
+  if (frames_.empty()) return std::nullopt;
+  const Frame& frame = Nearest(stage_m);
+  return At(frame, frame.systematic, column);
+}
+
+std::optional<double> LineDeviations::Drawn(double stage_m, int column, int realisation,
+                                            int sign) const {
+  if (frames_.empty()) return std::nullopt;
+  const Frame& frame = Nearest(stage_m);
+  const std::optional<double> systematic = At(frame, frame.systematic, column);
+  const std::optional<double> deviation =
+      At(frame, frame.realisations[static_cast<size_t>(realisation)], column);
+  if (!systematic || !deviation) return std::nullopt;
+  return *systematic + sign * (*deviation - *systematic);
 }
 
 }  // namespace sightline

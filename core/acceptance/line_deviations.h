@@ -1,7 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Deviations of the detected laser line from the true one, as rendered images of an artefact show
 // them: for places along the scan and columns of the image, relative to a reference place of the
-// surface, in several realisations of speckle and noise.
+// surface.
+//
+// Every frame has an image without speckle and several realisations with it. The first shows the
+// systematic error b, the others the random error e_r = d_r - b of whole lines. A drawn line is
+// b + sign e_r with an equally likely sign and realisation r: the mean of drawn lines is b for any
+// number of realisations. Without the signs it would be the mean of the few d_r, whose random part
+// is common to all tests.
 #pragma once
 
 #include <cstdint>
@@ -18,8 +24,9 @@ class LineDeviations {
     std::vector<float> rows_px;
   };
   struct Frame {
-    double stage_m = 0;    // relative to that of the reference place
-    int first_column = 0;  // relative to that of the reference place
+    double stage_m = 0;      // relative to that of the reference place
+    int first_column = 0;    // relative to that of the reference place
+    Realisation systematic;  // in the image without speckle
     std::vector<Realisation> realisations;
   };
 
@@ -28,17 +35,14 @@ class LineDeviations {
   LineDeviations(std::vector<Frame> frames, bool repeats);
 
   int realisations() const;
-  // Deviation in the frame nearest to `stage_m`. Empty where the line was not detected.
-  std::optional<double> At(double stage_m, int column, int realisation) const;
-  // Mean over the realisations and how many there are.
-  struct Mean {
-    double deviation_px = 0;
-    int count = 0;
-  };
-  Mean MeanAt(double stage_m, int column) const;
+  // Deviations in the frame nearest to `stage_m`. Empty where the line was not detected.
+  std::optional<double> Systematic(double stage_m, int column) const;
+  // `sign`: 1 is the deviation in the realisation's image, -1 has the opposite random error.
+  std::optional<double> Drawn(double stage_m, int column, int realisation, int sign) const;
 
  private:
   const Frame& Nearest(double stage_m) const;
+  std::optional<double> At(const Frame& frame, const Realisation& line, int column) const;
 
   std::vector<Frame> frames_;  // by stage position
   bool repeats_;

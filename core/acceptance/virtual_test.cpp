@@ -7,10 +7,13 @@
 #include <optional>
 #include <utility>
 
+#include "core/association/surface_curvature.h"
 #include "core/laser_line/line_quality.h"
 #include "core/parallel/for_each_index.h"
 #include "core/random/counter_random.h"
 #include "core/statistics/covariance_root.h"
+#include "core/statistics/normal_distribution.h"
+#include "core/triangulation/line_shift.h"
 
 namespace sightline {
 namespace {
@@ -30,6 +33,8 @@ constexpr ErrorGroup kCalibrationGroups[] = {
     {"laser sheet tilt", kSheetTiltX, 2},   {"laser sheet offset", kSheetOffset, 1},
     {"focal length", kFocalLengthError, 1}, {"principal point", kPrincipalX, 2}};
 constexpr char kDetection[] = "line detection";
+constexpr char kFitBias[] = "bias of least squares by noise";
+constexpr char kLineShift[] = "shift of the line on curved surfaces";
 constexpr char kJoining[] = "joining of set-ups";
 
 TriangulationErrors DrawErrors(const MatrixXd& root, CounterRandom& random) {
@@ -61,6 +66,23 @@ double TrueRow(const TriangulationSetup& setup, const NominalSurface& surface,
   return std::abs(height) <= kEnough_m ? row : std::nan("");
 }
 
+// Systematic error of the rendered line at a point; empty: the line is not found there.
+std::optional<double> SystematicAt(const LineDeviations& deviations,
+                                   const std::vector<ReferencePlace>& references,
+                                   const ArtefactScan& scan, const ArtefactPoint& p) {
+  const ReferencePlace& place = references[static_cast<size_t>(p.surface)];
+  const double stage_m = scan.frames[static_cast<size_t>(p.frame)].stage_m - place.stage_m;
+  return deviations.Systematic(stage_m, p.column_px - place.column_px);
+}
+
+std::vector<ReferencePlace> ReferencesOf(const ArtefactScan& scan, const Artefact& artefact) {
+  std::vector<ReferencePlace> references;
+  for (const ArtefactSurface& surface : artefact.surfaces) {
+    references.push_back(PlaceOfReference(scan, surface));
+  }
+  return references;
+}
+
 struct DetectionError {
   double column_px = 0, row_px = 0;
 };
@@ -72,11 +94,10 @@ class DetectionDraws {
                  const LineDeviations* deviations, uint64_t seed, uint64_t run, uint32_t stream)
       : scan_(scan), model_(model), deviations_(deviations), random_(seed, run, stream) {
     if (deviations == nullptr) return;
-    for (const ArtefactSurface& surface : artefact.surfaces) {
-      references_.push_back(PlaceOfReference(scan, surface));
-    }
+    references_ = ReferencesOf(scan, artefact);
     for (size_t f = 0; f < scan.frames.size(); ++f) {
-      line_.push_back(static_cast<int>(random_.Uniform() * deviations->realisations()));
+      lines_.push_back({static_cast<int>(random_.Uniform() * deviations->realisations()),
+                        random_.Uniform() < 0.5 ? -1 : 1});
     }
   }
 
@@ -89,8 +110,9 @@ class DetectionDraws {
     }
     const auto frame = static_cast<size_t>(p.frame);
     const ReferencePlace& place = references_[static_cast<size_t>(p.surface)];
-    const auto row = deviations_->At(scan_.frames[frame].stage_m - place.stage_m,
-                                     p.column_px - place.column_px, line_[frame]);
+    const DrawnLine& line = lines_[frame];
+    const auto row = deviations_->Drawn(scan_.frames[frame].stage_m - place.stage_m,
+                                        p.column_px - place.column_px, line.realisation, line.sign);
     if (!row) return std::nullopt;
     return DetectionError{0, *row};
   }
@@ -101,7 +123,10 @@ class DetectionDraws {
   const LineDeviations* deviations_;
   CounterRandom random_;
   std::vector<ReferencePlace> references_;
-  std::vector<int> line_;  // realisation of every frame
+  struct DrawnLine {
+    int realisation = 0, sign = 1;
+  };
+  std::vector<DrawnLine> lines_;  // of every frame
 };
 
 // The points of every surface as they are measured in one run.
@@ -135,13 +160,32 @@ std::vector<AcceptanceQuantityInfo> QuantitiesOf(const Artefact& artefact) {
 // The scan's points of one surface, their linear fit, and what errors do to them.
 struct LinearSurface {
   LinearFit fit;
-  MatrixXd calibration;          // [point][variable], m per unit
-  VectorXd detection_variances;  // m^2
-  std::vector<size_t> points;    // of the scan
+  MatrixXd calibration;           // [point][variable], m per unit
+  VectorXd detection_variances;   // m^2
+  std::vector<size_t> points;     // of the scan
+  std::vector<PointNoise> noise;  // by detection
+
+  // Along the normals, by shifts of the detected line [px], one a point of the scan or none.
+  VectorXd Displacements(const ArtefactScan& scan, std::span<const double> shifts_px) const {
+    VectorXd displacements_m = VectorXd::Zero(static_cast<Eigen::Index>(points.size()));
+    if (shifts_px.empty()) return displacements_m;
+    for (size_t i = 0; i < points.size(); ++i) {
+      displacements_m[static_cast<Eigen::Index>(i)] =
+          scan.points[points[i]].slope_m_per_px * shifts_px[points[i]];
+    }
+    return displacements_m;
+  }
 };
 
+// Second derivative of the triangulated point by an image coordinate [m/px^2].
+Vector3d SecondDerivative(const TriangulationSetup& setup, const Vector2d& image_px,
+                          const Vector2d& along) {
+  return Triangulate(setup, image_px + along) + Triangulate(setup, image_px - along) -
+         2 * Triangulate(setup, image_px);
+}
+
 LinearSurface Linearise(const ArtefactScan& scan, const Artefact& artefact,
-                        const UncertaintyModel& model, int surface) {
+                        const UncertaintyModel& model, bool by_columns, int surface) {
   std::vector<Vector3d> positions_m, normals;
   std::vector<size_t> points;
   for (size_t i = 0; i < scan.points.size(); ++i) {
@@ -153,15 +197,25 @@ LinearSurface Linearise(const ArtefactScan& scan, const Artefact& artefact,
   const auto n = static_cast<Eigen::Index>(points.size());
   LinearSurface linear{
       LinearFit(artefact.surfaces[static_cast<size_t>(surface)], positions_m, normals),
-      MatrixXd(n, kTriangulationVariables), VectorXd(n), std::move(points)};
+      MatrixXd(n, kTriangulationVariables),
+      VectorXd(n),
+      std::move(points),
+      {}};
   for (Eigen::Index i = 0; i < n; ++i) {
     const ArtefactPoint& p = scan.points[linear.points[static_cast<size_t>(i)]];
     const TriangulationSetup& setup = scan.frames[static_cast<size_t>(p.frame)].setup;
-    linear.calibration.row(i) =
-        p.normal.transpose() * PointDerivatives(setup, Vector2d(p.column_px, p.row_px));
+    const Vector2d image_px(p.column_px, p.row_px);
+    const auto derivatives = PointDerivatives(setup, image_px);
+    linear.calibration.row(i) = p.normal.transpose() * derivatives;
     const double deviation = DetectionDeviation(model, p);
-    linear.detection_variances[i] =
-        deviation * deviation * linear.calibration.row(i).head<2>().squaredNorm();
+    linear.detection_variances[i] = 0;
+    for (const TriangulationVariable k : {kImageX, kImageY}) {
+      if (by_columns && k == kImageX) continue;
+      linear.detection_variances[i] += std::pow(deviation * linear.calibration(i, k), 2);
+      const Vector2d along = Vector2d::Unit(k - kImageX);
+      linear.noise.push_back({static_cast<size_t>(i), deviation * derivatives.col(k),
+                              deviation * deviation * SecondDerivative(setup, image_px, along)});
+    }
     linear.calibration.row(i).head<2>().setZero();
   }
   return linear;
@@ -220,8 +274,22 @@ double JoiningDeviation(const Artefact& artefact, const std::vector<LinearSurfac
   return std::sqrt(variance_m2);
 }
 
-QuantityPrediction PredictSize(const Artefact& artefact, const UncertaintyModel& model,
-                               const std::vector<LinearSurface>& surfaces) {
+// Change of a size or distance by shifts of the detected line.
+double SizeShift(const ArtefactScan& scan, const Artefact& artefact,
+                 const std::vector<LinearSurface>& surfaces, std::span<const double> shifts_px) {
+  double size_m = 0;
+  for (const Combination& combination : SizeCombinations(artefact, surfaces)) {
+    const LinearSurface& surface = surfaces[combination.surface];
+    size_m += combination.parameters.dot(
+        surface.fit.Parameters(surface.Displacements(scan, shifts_px)).col(0));
+  }
+  return size_m;
+}
+
+QuantityPrediction PredictSize(const ArtefactScan& scan, const Artefact& artefact,
+                               const UncertaintyModel& model,
+                               const std::vector<LinearSurface>& surfaces,
+                               std::span<const double> shifts_px) {
   SizeSensitivity sensitivity;
   for (const Combination& combination : SizeCombinations(artefact, surfaces)) {
     sensitivity.Add(surfaces[combination.surface], combination.parameters);
@@ -241,7 +309,15 @@ QuantityPrediction PredictSize(const Artefact& artefact, const UncertaintyModel&
       sensitivity.detection_variance_m2 +
       std::max(0.0, CombinedVariance(sensitivity.calibration, model.calibration, 0,
                                      kTriangulationVariables));
-  prediction.magnitude_m = kNormal95 * std::sqrt(variance_m2);
+  double bias_m = 0;
+  for (const Combination& combination : SizeCombinations(artefact, surfaces)) {
+    const LinearSurface& surface = surfaces[combination.surface];
+    bias_m += combination.parameters.dot(surface.fit.MeanChange(surface.noise));
+  }
+  prediction.terms.push_back({kFitBias, std::abs(bias_m)});
+  const double shift_m = SizeShift(scan, artefact, surfaces, shifts_px);
+  if (!shifts_px.empty()) prediction.terms.push_back({kLineShift, std::abs(shift_m)});
+  prediction.magnitude_m = NormalMagnitude95(bias_m + shift_m, std::sqrt(variance_m2));
   return prediction;
 }
 
@@ -260,16 +336,23 @@ std::vector<ErrorTerm> FormTerms(const UncertaintyModel& model, const LinearSurf
   return terms;
 }
 
+double RootMeanSquare(const VectorXd& values) {
+  return std::sqrt(values.squaredNorm() / static_cast<double>(values.size()));
+}
+
 // Ranges of 95 % and 99.7 % of the residuals.
-std::vector<QuantityPrediction> PredictForm(const UncertaintyModel& model,
-                                            const LinearSurface& linear, int draws, uint64_t seed) {
+std::vector<QuantityPrediction> PredictForm(const ArtefactScan& scan, const UncertaintyModel& model,
+                                            const LinearSurface& linear,
+                                            std::span<const double> shifts_px, int draws,
+                                            uint64_t seed) {
   const MatrixXd residuals = linear.fit.Residuals(linear.calibration);
   const MatrixXd root = CovarianceRoot(model.calibration);
   const VectorXd deviations = linear.detection_variances.cwiseSqrt();
+  const VectorXd shift = linear.fit.Residuals(linear.Displacements(scan, shifts_px));
   std::vector<std::vector<double>> ranges(2, std::vector<double>(static_cast<size_t>(draws)));
   (void)ForEachIndex(static_cast<size_t>(draws), [&](size_t draw) {
     CounterRandom random(seed, draw, 2);
-    VectorXd residual = residuals * DrawErrors(root, random);
+    VectorXd residual = shift + residuals * DrawErrors(root, random);
     // The fit takes so little of independent noise that it is left out here.
     for (Eigen::Index i = 0; i < residual.size(); ++i)
       residual[i] += deviations[i] * random.Normal();
@@ -278,15 +361,16 @@ std::vector<QuantityPrediction> PredictForm(const UncertaintyModel& model,
     ranges[1][draw] = NarrowestRange(values, 0.997);
     return absl::OkStatus();
   });
-  const std::vector<ErrorTerm> terms = FormTerms(model, linear, residuals);
+  std::vector<ErrorTerm> terms = FormTerms(model, linear, residuals);
+  if (!shifts_px.empty()) terms.push_back({kLineShift, RootMeanSquare(shift)});
   return {{Magnitude95(ranges[0]), terms}, {Magnitude95(ranges[1]), terms}};
 }
 
 std::vector<LinearSurface> LineariseAll(const ArtefactScan& scan, const Artefact& artefact,
-                                        const UncertaintyModel& model) {
+                                        const UncertaintyModel& model, bool by_columns) {
   std::vector<LinearSurface> surfaces;
   for (size_t s = 0; s < artefact.surfaces.size(); ++s) {
-    surfaces.push_back(Linearise(scan, artefact, model, static_cast<int>(s)));
+    surfaces.push_back(Linearise(scan, artefact, model, by_columns, static_cast<int>(s)));
   }
   return surfaces;
 }
@@ -343,99 +427,88 @@ SimulatedErrors SimulateTests(const ArtefactScan& scan, const Artefact& artefact
   return errors;
 }
 
+std::vector<double> LineShifts(const ArtefactScan& scan, const Artefact& artefact,
+                               const Laser& laser, LaserLineMethod method) {
+  std::vector<double> shifts_px;
+  shifts_px.reserve(scan.points.size());
+  for (const ArtefactPoint& p : scan.points) {
+    const TriangulationSetup& setup = scan.frames[static_cast<size_t>(p.frame)].setup;
+    const NominalSurface& surface = artefact.surfaces[static_cast<size_t>(p.surface)].nominal;
+    const double axial_m = setup.laser.z_axis.dot(p.position_m - setup.laser.origin_m);
+    const LineShift shift =
+        LineShiftOnSurface(setup, p.position_m, p.normal, DistanceHessian(surface, p.position_m),
+                           SheetDeviation_m(laser, axial_m));
+    shifts_px.push_back(method == LaserLineMethod::kGaussianFit ? shift.gaussian_fit_px
+                                                                : shift.centre_of_gravity_px);
+  }
+  return shifts_px;
+}
+
 std::vector<QuantityPrediction> PredictTests(const ArtefactScan& scan, const Artefact& artefact,
-                                             const UncertaintyModel& model, int draws,
+                                             const UncertaintyModel& model,
+                                             const ColumnDetection* columns, int draws,
                                              uint64_t seed) {
-  const std::vector<LinearSurface> surfaces = LineariseAll(scan, artefact, model);
+  const std::span<const double> shifts_px =
+      columns == nullptr ? std::span<const double>() : std::span(columns->shifts_px);
+  const std::vector<LinearSurface> surfaces =
+      LineariseAll(scan, artefact, model, columns != nullptr);
   std::vector<QuantityPrediction> predictions;
   if (artefact.kind != ArtefactKind::kPlate) {
-    predictions.push_back(PredictSize(artefact, model, surfaces));
+    predictions.push_back(PredictSize(scan, artefact, model, surfaces, shifts_px));
   }
   if (artefact.kind == ArtefactKind::kSphere || artefact.kind == ArtefactKind::kPlate) {
-    for (QuantityPrediction& form : PredictForm(model, surfaces[0], draws, seed)) {
+    for (QuantityPrediction& form : PredictForm(scan, model, surfaces[0], shifts_px, draws, seed)) {
       predictions.push_back(std::move(form));
     }
   }
   return predictions;
 }
 
-std::vector<double> SystematicContributions(const ArtefactScan& scan, const Artefact& artefact,
-                                            const LineDeviations& deviations) {
-  const std::vector<LinearSurface> surfaces = LineariseAll(scan, artefact, UncertaintyModel());
-  std::vector<VectorXd> shifts;
-  double chance_m2 = 0;  // of the mean over the realisations
-  for (size_t s = 0; s < surfaces.size(); ++s) {
-    const ReferencePlace place = PlaceOfReference(scan, artefact.surfaces[s]);
-    VectorXd shift(static_cast<Eigen::Index>(surfaces[s].points.size()));
-    double chance = 0, count = 0;
-    for (size_t i = 0; i < surfaces[s].points.size(); ++i) {
-      const ArtefactPoint& p = scan.points[surfaces[s].points[i]];
-      const double stage_m = scan.frames[static_cast<size_t>(p.frame)].stage_m - place.stage_m;
-      const int column = p.column_px - place.column_px;
-      const LineDeviations::Mean mean = deviations.MeanAt(stage_m, column);
-      shift[static_cast<Eigen::Index>(i)] = p.slope_m_per_px * mean.deviation_px;
-      if (mean.count < 2) continue;
-      double squares = 0;
-      for (int r = 0; r < deviations.realisations(); ++r) {
-        const auto one = deviations.At(stage_m, column, r);
-        if (one) squares += (*one - mean.deviation_px) * (*one - mean.deviation_px);
-      }
-      chance += p.slope_m_per_px * p.slope_m_per_px * squares / (mean.count - 1) / mean.count;
-      ++count;
-    }
-    chance_m2 = count > 0 ? chance / count : 0;
-    shifts.push_back(std::move(shift));
+double NormalMagnitude95(double mean, double deviation) {
+  mean = std::abs(mean);
+  if (!(deviation > 0)) return mean;
+  // P(|X| > m) falls from above 5 % to below it between these ends.
+  double lower = mean, upper = mean + kNormal95 * deviation;
+  for (int i = 0; i < 60; ++i) {
+    const double middle = 0.5 * (lower + upper);
+    const double outside =
+        NormalUpperTail((middle - mean) / deviation) + NormalUpperTail((middle + mean) / deviation);
+    (outside > 0.05 ? lower : upper) = middle;
   }
+  return upper;
+}
+
+std::vector<double> SystematicContributions(const ArtefactScan& scan, const Artefact& artefact,
+                                            std::span<const double> shifts_px) {
+  const std::vector<LinearSurface> surfaces =
+      LineariseAll(scan, artefact, UncertaintyModel(), true);
   std::vector<double> contributions;
   if (artefact.kind != ArtefactKind::kPlate) {
-    double size_m = 0;
-    for (const Combination& combination : SizeCombinations(artefact, surfaces)) {
-      const size_t s = combination.surface;
-      size_m += combination.parameters.dot(surfaces[s].fit.Parameters(shifts[s]).col(0));
-    }
-    contributions.push_back(std::abs(size_m));
+    contributions.push_back(std::abs(SizeShift(scan, artefact, surfaces, shifts_px)));
   }
   if (artefact.kind == ArtefactKind::kSphere || artefact.kind == ArtefactKind::kPlate) {
-    const VectorXd residual = surfaces[0].fit.Residuals(shifts[0]);
-    const double rms_m = std::sqrt(
-        std::max(0.0, residual.squaredNorm() / static_cast<double>(residual.size()) - chance_m2));
-    contributions.insert(contributions.end(), 2, rms_m);
+    const VectorXd shift = surfaces[0].Displacements(scan, shifts_px);
+    contributions.insert(contributions.end(), 2, RootMeanSquare(surfaces[0].fit.Residuals(shift)));
   }
   return contributions;
 }
 
-std::vector<double> ChanceOfRenderedLines(const ArtefactScan& scan, const Artefact& artefact,
-                                          const LineDeviations& deviations) {
-  std::vector<double> chance(QuantitiesOf(artefact).size(), 0);
-  const int count = deviations.realisations();
-  if (artefact.kind == ArtefactKind::kPlate || count < 2) return chance;
-  const std::vector<LinearSurface> surfaces = LineariseAll(scan, artefact, UncertaintyModel());
-  const std::vector<Combination> combinations = SizeCombinations(artefact, surfaces);
-  double sum = 0, squares = 0;
-  for (int r = 0; r < count; ++r) {
-    std::vector<VectorXd> shifts;
-    for (size_t s = 0; s < surfaces.size(); ++s) {
-      const ReferencePlace place = PlaceOfReference(scan, artefact.surfaces[s]);
-      VectorXd& shift =
-          shifts.emplace_back(VectorXd::Zero(static_cast<Eigen::Index>(surfaces[s].points.size())));
-      for (size_t i = 0; i < surfaces[s].points.size(); ++i) {
-        const ArtefactPoint& p = scan.points[surfaces[s].points[i]];
-        const double stage_m = scan.frames[static_cast<size_t>(p.frame)].stage_m - place.stage_m;
-        const auto deviation = deviations.At(stage_m, p.column_px - place.column_px, r);
-        shift[static_cast<Eigen::Index>(i)] = p.slope_m_per_px * deviation.value_or(0);
-      }
-    }
-    double size_m = 0;
-    for (const Combination& combination : combinations) {
-      const size_t s = combination.surface;
-      size_m += combination.parameters.dot(surfaces[s].fit.Parameters(shifts[s]).col(0));
-    }
-    sum += size_m;
-    squares += size_m * size_m;
+std::vector<double> RenderedShifts(const ArtefactScan& scan, const Artefact& artefact,
+                                   const LineDeviations& deviations) {
+  const std::vector<ReferencePlace> references = ReferencesOf(scan, artefact);
+  std::vector<double> shifts_px;
+  shifts_px.reserve(scan.points.size());
+  for (const ArtefactPoint& p : scan.points) {
+    shifts_px.push_back(SystematicAt(deviations, references, scan, p).value_or(0));
   }
-  const double variance_m2 = std::max(0.0, squares - sum * sum / count) / (count - 1);
-  chance[0] = std::sqrt(variance_m2 / count);
-  return chance;
+  return shifts_px;
+}
+
+void KeepRendered(const Artefact& artefact, const LineDeviations& deviations, ArtefactScan* scan) {
+  const std::vector<ReferencePlace> references = ReferencesOf(*scan, artefact);
+  std::erase_if(scan->points, [&](const ArtefactPoint& p) {
+    return !SystematicAt(deviations, references, *scan, p);
+  });
 }
 
 }  // namespace sightline

@@ -4,7 +4,8 @@
 //
 //   const ArtefactScan scan = ScanArtefact(rig, geometry, artefact, limits);
 //   const auto simulated = SimulateTests(scan, artefact, model, &deviations, 400, seed);
-//   const ArtefactPrediction predicted = PredictTests(scan, artefact, model, 400, seed);
+//   const ColumnDetection columns{LineShifts(scan, artefact, rig.laser, method)};
+//   const auto predicted = PredictTests(scan, artefact, model, &columns, 400, seed);
 //
 // A run draws the errors of calibration once (the sensors keep their place) and those of detection
 // for every point; of a hole pattern in either set-up anew. The true image position is where the
@@ -13,6 +14,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -20,6 +22,8 @@
 #include "core/acceptance/artefact_fit.h"
 #include "core/acceptance/artefact_scan.h"
 #include "core/acceptance/line_deviations.h"
+#include "core/laser_line/detect_laser_line.h"
+#include "core/rig/rig.h"
 #include "core/uncertainty/uncertainty_model.h"
 
 namespace sightline {
@@ -44,22 +48,43 @@ struct QuantityPrediction {
   std::vector<ErrorTerm> terms;
 };
 
+// Systematic error of line detection at every point, because the laser sheet has a width and the
+// surface a curvature [px] (core/triangulation/line_shift.h).
+std::vector<double> LineShifts(const ArtefactScan& scan, const Artefact& artefact,
+                               const Laser& laser, LaserLineMethod method);
+
+// Line detection by columns of rendered images, which finds the row in a column: points have no
+// error along the rows of the image.
+struct ColumnDetection {
+  // Systematic errors that measured points are not corrected for, one a point of the scan [px].
+  std::vector<double> shifts_px;
+};
+
 // In the order of AcceptanceQuantities() of the artefact's kind. Form errors: by `draws` draws of
-// the linear model.
+// the linear model. `columns`: null has the model's detection error along rows and along columns,
+// without systematic errors. A size or distance has an error of the normal distribution N(b, u): u
+// is its standard uncertainty, b the effect of the systematic errors and the bias of least squares
+// by noise (LinearFit::MeanChange). Its magnitude m satisfies P(|error| <= m) = 95 % (cf. GUM
+// F.2.4.5).
 std::vector<QuantityPrediction> PredictTests(const ArtefactScan& scan, const Artefact& artefact,
-                                             const UncertaintyModel& model, int draws,
+                                             const UncertaintyModel& model,
+                                             const ColumnDetection* columns, int draws,
                                              uint64_t seed);
 
-// Contribution to every quantity of the mean deviation of the detected line, which no uncertainty
-// model has.
-std::vector<double> SystematicContributions(const ArtefactScan& scan, const Artefact& artefact,
-                                            const LineDeviations& deviations);
+// The m with P(|X| <= m) = 95 % for X of N(mean, deviation), deviation >= 0.
+double NormalMagnitude95(double mean, double deviation);
 
-// Standard uncertainty of sizes and distances that the finite number of rendered lines leaves: all
-// tests draw from the same lines, whose mean is that of the line only within chance. Standard error
-// of the mean over the realisations; 0 of form errors, and with a single realisation.
-std::vector<double> ChanceOfRenderedLines(const ArtefactScan& scan, const Artefact& artefact,
-                                          const LineDeviations& deviations);
+// Contribution to every quantity of systematic errors of line detection, one a point [px].
+std::vector<double> SystematicContributions(const ArtefactScan& scan, const Artefact& artefact,
+                                            std::span<const double> shifts_px);
+
+// Systematic errors of the rendered line at every point [px].
+std::vector<double> RenderedShifts(const ArtefactScan& scan, const Artefact& artefact,
+                                   const LineDeviations& deviations);
+
+// Leaves out points that rendered lines never show, such as those in columns of other colours than
+// the laser's.
+void KeepRendered(const Artefact& artefact, const LineDeviations& deviations, ArtefactScan* scan);
 
 // The 95 % quantile of the magnitudes. At least one value.
 double Magnitude95(std::vector<double> errors_m);

@@ -18,8 +18,8 @@
 #include "core/random/seed.h"
 #include "core/sensor/sensor.h"
 #include "core/statistics/order_statistics.h"
-#include "core/status/status_macros.h"
 #include "planner_client/acceptance/artefact_mesh.h"
+#include "planner_client/acceptance/channel_planes.h"
 
 namespace sightline {
 namespace {
@@ -107,15 +107,17 @@ absl::StatusOr<std::vector<Image<uint16_t>>> Images(const RenderClientOptions& c
       static_cast<int64_t>(seed >> 1));
   std::vector<AssetFile> assets = imaging.assets;
   assets.push_back({kMeshFile, mesh.stl});
-  SIGHTLINE_ASSIGN_OR_RETURN(std::vector<std::string> names,
-                             RenderToFolder(client, std::move(spec), assets, imaging.folder));
+  const auto files = RenderToFolder(client, std::move(spec), assets, imaging.folder);
+  if (!files.ok()) return files.status();
+  std::vector<std::string> names = *files;
   std::sort(names.begin(), names.end());
   std::vector<Image<uint16_t>> images;
   for (const std::string& name : names) {
     const fs::path path = fs::path(imaging.folder) / name;
     if (path.extension() == ".png") {
-      SIGHTLINE_ASSIGN_OR_RETURN(auto image, ReadRawImage(path.string()));
-      images.push_back(std::move(image));
+      auto image = ReadRawImage(path.string());
+      if (!image.ok()) return image.status();
+      images.push_back(*std::move(image));
     }
     std::error_code ignored;
     fs::remove(path, ignored);
@@ -123,26 +125,14 @@ absl::StatusOr<std::vector<Image<uint16_t>>> Images(const RenderClientOptions& c
   return images;
 }
 
-// Every `step`-th pixel of both directions, from the first ones on.
-struct Plane {
-  int first_row = 0, first_column = 0, step = 1;
-};
-
-std::vector<Plane> PlanesOf(const Inspection& inspection) {
+std::vector<ChannelPlane> PlanesOf(const Inspection& inspection, const Crop& crop) {
   const Sensor& sensor = *inspection.sensor;
-  if (sensor.colour_filter == ColourFilter::kMono) return {Plane{}};
   const int channel = inspection.optics->detector.channel.value_or(
       MostSensitiveChannel(sensor, inspection.rig.laser.wavelength_m));
-  std::vector<Plane> planes;
-  for (const int row : {0, 1}) {
-    for (const int column : {0, 1}) {
-      if (sensor.ChannelAt(row, column) == channel) planes.push_back({row, column, 2});
-    }
-  }
-  return planes;
+  return PlanesOfChannel(sensor, channel, crop.columns_px, crop.rows_px);
 }
 
-Image<float> ValuesOf(const Image<uint16_t>& raw, const Plane& plane) {
+Image<float> ValuesOf(const Image<uint16_t>& raw, const ChannelPlane& plane) {
   Image<float> values((raw.columns_px - plane.first_column + plane.step - 1) / plane.step,
                       (raw.rows_px - plane.first_row + plane.step - 1) / plane.step);
   for (int r = 0; r < values.rows_px; ++r) {
@@ -177,7 +167,7 @@ LaserLineOptions DetectionOf(const Inspection& inspection, double ridge_sigma_px
 
 // The line of one plane, in pixels of the crop. The scale of the ridge filter follows the width of
 // the line, which a first detection measures.
-absl::StatusOr<std::vector<LinePoint>> LineOf(const Image<uint16_t>& raw, const Plane& plane,
+absl::StatusOr<std::vector<LinePoint>> LineOf(const Image<uint16_t>& raw, const ChannelPlane& plane,
                                               const Inspection& inspection) {
   const Image<float> values = ValuesOf(raw, plane);
   const LaserLineMethod method = inspection.optics->detector.method;
@@ -219,6 +209,45 @@ std::map<int, std::vector<const ArtefactPoint*>> PointsOf(const ArtefactScan& sc
   return points;
 }
 
+// Deviations of the line that is detected in one image of a crop.
+struct SeenLine {
+  LineDeviations::Realisation line;
+  int visible = 0, found = 0;  // points in columns of the laser's channel; those that are detected
+};
+
+absl::StatusOr<SeenLine> DeviationsOf(const Image<uint16_t>& image, const Crop& crop,
+                                      const std::vector<ChannelPlane>& planes,
+                                      const Inspection& inspection,
+                                      const std::vector<const ArtefactPoint*>& truth) {
+  std::map<int, double> rows_px;  // of detected points, in the whole image
+  for (const ChannelPlane& plane : planes) {
+    const auto points = LineOf(image, plane, inspection);
+    if (!points.ok()) return points.status();
+    for (const LinePoint& p : *points) {
+      rows_px[crop.first_column + p.column_px] = crop.first_row + p.row_px;
+    }
+  }
+  SeenLine seen;
+  seen.line.rows_px.assign(static_cast<size_t>(crop.columns_px),
+                           std::numeric_limits<float>::quiet_NaN());
+  for (const ArtefactPoint* p : truth) {
+    const int column = p->column_px - crop.first_column;
+    if (column < 0 || column >= crop.columns_px) continue;
+    const bool of_channel = std::any_of(
+        planes.begin(), planes.end(),
+        [&](const ChannelPlane& plane) { return (column - plane.first_column) % plane.step == 0; });
+    if (!of_channel) continue;
+    ++seen.visible;
+    const auto detected = rows_px.find(p->column_px);
+    if (detected == rows_px.end()) continue;
+    const double deviation_px = detected->second - p->row_px;
+    if (!(std::abs(deviation_px) <= kReach_px)) continue;
+    ++seen.found;
+    seen.line.rows_px[static_cast<size_t>(column)] = static_cast<float>(deviation_px);
+  }
+  return seen;
+}
+
 }  // namespace
 
 absl::StatusOr<double> ExposureOf(const RenderClientOptions& client, const ArtefactImaging& imaging,
@@ -230,16 +259,17 @@ absl::StatusOr<double> ExposureOf(const RenderClientOptions& client, const Artef
   std::vector<double> times_s;
   for (double time_s = 1e-6; time_s <= 1; time_s *= 4) times_s.push_back(time_s);
   for (const double time_s : times_s) AddFrame(imaging, mesh, stage_m, time_s, &spec);
-  SIGHTLINE_ASSIGN_OR_RETURN(const auto images,
-                             Images(client, imaging, mesh, std::move(spec), imaging.seed));
+  const auto images = Images(client, imaging, mesh, std::move(spec), imaging.seed);
+  if (!images.ok()) return images.status();
   const Sensor& sensor = *imaging.inspection.sensor;
   const double range_dn = SaturationOf(sensor) - sensor.black_level_dn;
   double best_s = 0;
   for (size_t i = 0; i < times_s.size(); ++i) {
     std::vector<double> peaks_dn;
-    for (const Plane& plane : PlanesOf(imaging.inspection)) {
-      SIGHTLINE_ASSIGN_OR_RETURN(const auto points, LineOf(images[i], plane, imaging.inspection));
-      for (const LinePoint& p : points) peaks_dn.push_back(p.peak_dn);
+    for (const ChannelPlane& plane : PlanesOf(imaging.inspection, crop)) {
+      const auto points = LineOf((*images)[i], plane, imaging.inspection);
+      if (!points.ok()) return points.status();
+      for (const LinePoint& p : *points) peaks_dn.push_back(p.peak_dn);
     }
     if (peaks_dn.size() < 16) continue;
     const double bright_dn = LowerQuantile(peaks_dn, 0.95);
@@ -267,46 +297,48 @@ absl::StatusOr<RenderedLine> RenderLine(const RenderClientOptions& client,
   for (const int frame : chosen) {
     const double stage_m = scan.frames[static_cast<size_t>(frame)].stage_m;
     AddFrame(imaging, mesh, stage_m, exposure_time_s, &spec);
-    frames.push_back({stage_m - place.stage_m, crop.first_column - place.column_px, {}});
+    frames.push_back({stage_m - place.stage_m, crop.first_column - place.column_px, {}, {}});
   }
 
   RenderedLine line{LineDeviations({}, false), 0, {}, 0};
-  const std::vector<Plane> planes = PlanesOf(imaging.inspection);
+  const std::vector<ChannelPlane> planes = PlanesOf(imaging.inspection, crop);
+  // Without speckle the image is the mean one, up to the little noise of the sensor.
+  v1::RenderSpec mean_spec = spec;
+  mean_spec.mutable_part()->mutable_inspection()->mutable_render()->set_speckle(false);
+  const auto mean_images =
+      Images(client, imaging, mesh, std::move(mean_spec),
+             DeriveSeed(DeriveSeed(imaging.seed, "mean image"), artefact.name.c_str()));
+  if (!mean_images.ok()) return mean_images.status();
+  for (size_t i = 0; i < chosen.size(); ++i) {
+    auto systematic =
+        DeviationsOf((*mean_images)[i], crop, planes, imaging.inspection, truth.at(chosen[i]));
+    if (!systematic.ok()) return systematic.status();
+    frames[i].systematic = std::move(systematic->line);
+    ++line.images;
+  }
   double visible = 0, found = 0;
   for (int r = 0; r < realisations; ++r) {
-    SIGHTLINE_ASSIGN_OR_RETURN(
-        const auto images,
+    const auto images =
         Images(client, imaging, mesh, spec,
-               DeriveSeed(imaging.seed, artefact.name.c_str(), static_cast<uint64_t>(r))));
+               DeriveSeed(imaging.seed, artefact.name.c_str(), static_cast<uint64_t>(r)));
+    if (!images.ok()) return images.status();
     for (size_t i = 0; i < chosen.size(); ++i) {
-      std::map<int, double> rows_px;  // of detected points, in the whole image
-      for (const Plane& plane : planes) {
-        SIGHTLINE_ASSIGN_OR_RETURN(const auto points, LineOf(images[i], plane, imaging.inspection));
-        for (const LinePoint& p : points) {
-          rows_px[crop.first_column + p.column_px] = crop.first_row + p.row_px;
-        }
-      }
+      const std::vector<const ArtefactPoint*>& points = truth.at(chosen[i]);
+      auto seen = DeviationsOf((*images)[i], crop, planes, imaging.inspection, points);
+      if (!seen.ok()) return seen.status();
       ++line.images;
-      LineDeviations::Realisation realisation;
-      realisation.rows_px.assign(static_cast<size_t>(crop.columns_px),
-                                 std::numeric_limits<float>::quiet_NaN());
-      for (const ArtefactPoint* p : truth.at(chosen[i])) {
+      visible += seen->visible;
+      found += seen->found;
+      for (const ArtefactPoint* p : points) {
         const int column = p->column_px - crop.first_column;
         if (column < 0 || column >= crop.columns_px) continue;
-        const bool of_channel = std::any_of(planes.begin(), planes.end(), [&](const Plane& plane) {
-          return (column - plane.first_column) % plane.step == 0;
-        });
-        if (!of_channel) continue;
-        ++visible;
-        const auto detected = rows_px.find(p->column_px);
-        if (detected == rows_px.end()) continue;
-        const double deviation_px = detected->second - p->row_px;
-        if (!(std::abs(deviation_px) <= kReach_px)) continue;
-        ++found;
-        realisation.rows_px[static_cast<size_t>(column)] = static_cast<float>(deviation_px);
-        line.samples.push_back({p->incidence_rad, deviation_px});
+        const auto index = static_cast<size_t>(column);
+        const double deviation_px = seen->line.rows_px[index];
+        const double systematic_px = frames[i].systematic.rows_px[index];
+        if (!std::isfinite(deviation_px) || !std::isfinite(systematic_px)) continue;
+        line.samples.push_back({p->incidence_rad, systematic_px, deviation_px - systematic_px});
       }
-      frames[i].realisations.push_back(std::move(realisation));
+      frames[i].realisations.push_back(std::move(seen->line));
     }
   }
   line.found_fraction = visible > 0 ? found / visible : 0;

@@ -33,10 +33,12 @@ struct ArtefactImaging {
 struct RenderedLine {
   LineDeviations deviations;
   int images = 0;
-  // Deviations and what they belong to, over all images.
+  // Points detected with and without speckle, over all images with it. Their deviation is the sum
+  // of the two errors.
   struct Sample {
     double incidence_rad = 0;
-    double deviation_px = 0;
+    double systematic_px = 0;  // in the image without speckle
+    double random_px = 0;
   };
   std::vector<Sample> samples;
   double found_fraction = 0;  // of the points that the geometry lets the camera see
@@ -47,9 +49,9 @@ struct RenderedLine {
 absl::StatusOr<double> ExposureOf(const RenderClientOptions& client, const ArtefactImaging& imaging,
                                   const Artefact& artefact, const ArtefactScan& scan);
 
-// Renders up to `most_frames` frames of the scan, evenly spread, in `realisations` of speckle and
-// noise each, on crops about the line, and detects the line as the inspection says. `scan` has the
-// points of all columns.
+// Renders up to `most_frames` frames of the scan, evenly spread, once without speckle and in
+// `realisations` of speckle and noise each, on crops about the line, and detects the line as the
+// inspection says. `scan` has the points of all columns.
 absl::StatusOr<RenderedLine> RenderLine(const RenderClientOptions& client,
                                         const ArtefactImaging& imaging, const Artefact& artefact,
                                         const ArtefactScan& scan, double exposure_time_s,

@@ -12,9 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "core/acceptance/virtual_test.h"
-#include "core/laser_line/line_quality.h"
 #include "core/random/seed.h"
-#include "core/status/status_macros.h"
 #include "core/uncertainty/uncertainty_model.h"
 
 namespace sightline {
@@ -24,9 +22,7 @@ constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kBin_rad = 10 * kDegree;
 // Samples that a bin of incidence needs for a standard deviation within about 10 %.
 constexpr int64_t kLeastOfBin = 50;
-// Chance errors of the rendered lines beyond this part of the predicted ones are named.
-constexpr double kSmallChance = 0.3;
-constexpr char kSystematic[] = "systematic error of line detection";
+constexpr char kUnpredictedShift[] = "systematic error of line detection that is not predicted";
 
 // Frames that are rendered of an artefact.
 int FramesOf(ArtefactKind kind) {
@@ -50,23 +46,27 @@ struct Moments {
     ++count;
   }
   double Mean() const { return count > 0 ? sum / static_cast<double>(count) : 0; }
-  double Deviation() const {
-    if (count < 2) return 0;
-    const auto n = static_cast<double>(count);
-    return std::sqrt(std::max(0.0, (squares - sum * sum / n) / (n - 1)));
+  double RootMeanSquare() const {
+    return count > 0 ? std::sqrt(squares / static_cast<double>(count)) : 0;
   }
 };
 
-using ByIncidence = std::map<int, Moments>;  // by number of the bin
+// Errors of line detection at like incidence.
+struct Bin {
+  Moments systematic, random;
+};
+using ByIncidence = std::map<int, Bin>;  // by number of the bin
 
-ByIncidence Binned(const std::map<ArtefactKind, RenderedLine>& lines) {
+ByIncidence Binned(const std::vector<const RenderedLine*>& lines) {
   ByIncidence bins;
-  for (const auto& [kind, line] : lines) {
-    for (const RenderedLine::Sample& sample : line.samples) {
-      bins[static_cast<int>(sample.incidence_rad / kBin_rad)].Add(sample.deviation_px);
+  for (const RenderedLine* line : lines) {
+    for (const RenderedLine::Sample& sample : line->samples) {
+      Bin& bin = bins[static_cast<int>(sample.incidence_rad / kBin_rad)];
+      bin.systematic.Add(sample.systematic_px);
+      bin.random.Add(sample.random_px);
     }
   }
-  std::erase_if(bins, [](const auto& bin) { return bin.second.count < kLeastOfBin; });
+  std::erase_if(bins, [](const auto& bin) { return bin.second.random.count < kLeastOfBin; });
   return bins;
 }
 
@@ -74,9 +74,9 @@ LineDetectionNoise NoiseOf(const ByIncidence& bins) {
   LineDetectionNoise noise;
   noise.incidence_angles_rad.clear();
   noise.standard_deviations_px.clear();
-  for (const auto& [bin, moments] : bins) {
-    noise.incidence_angles_rad.push_back((bin + 0.5) * kBin_rad);
-    noise.standard_deviations_px.push_back(moments.Deviation());
+  for (const auto& [number, bin] : bins) {
+    noise.incidence_angles_rad.push_back((number + 0.5) * kBin_rad);
+    noise.standard_deviations_px.push_back(bin.random.RootMeanSquare());
   }
   return noise;
 }
@@ -100,6 +100,18 @@ const RenderedLine* LineFor(const std::map<ArtefactKind, RenderedLine>& lines, A
   return found == lines.end() ? nullptr : &found->second;
 }
 
+// The points that a test measures: of rendered lines, those that are detected.
+ArtefactScan ScanOf(const Rig& rig, const ScanGeometry& geometry, const Artefact& artefact,
+                    SightLimits limits, const RenderedLine* line) {
+  if (line == nullptr) return ScanArtefact(rig, geometry, artefact, limits);
+  const int most_points = limits.most_points;
+  limits.most_points = std::numeric_limits<int>::max();
+  ArtefactScan scan = ScanArtefact(rig, geometry, artefact, limits);
+  KeepRendered(artefact, line->deviations, &scan);
+  ThinColumns(most_points, &scan);
+  return scan;
+}
+
 struct Test {
   const Artefact* artefact;
   ArtefactScan scan;
@@ -107,7 +119,7 @@ struct Test {
 
 void AddQuantity(const AcceptanceTask& task, const Test& test, const AcceptanceQuantityInfo& info,
                  const std::vector<double>& simulated, QuantityPrediction prediction,
-                 const double* systematic_m, v1::AcceptanceResult* result) {
+                 const double* unpredicted_m, v1::AcceptanceResult* result) {
   v1::AcceptanceQuantity* quantity = result->add_quantities();
   quantity->set_standard(info.standard);
   quantity->set_artefact(test.artefact->name);
@@ -123,7 +135,7 @@ void AddQuantity(const AcceptanceTask& task, const Test& test, const AcceptanceQ
   for (const double error : simulated) sum += error;
   quantity->set_mean_m(sum / static_cast<double>(simulated.size()));
   quantity->set_points(static_cast<int>(test.scan.points.size()));
-  if (systematic_m != nullptr) prediction.terms.push_back({kSystematic, *systematic_m});
+  if (unpredicted_m != nullptr) prediction.terms.push_back({kUnpredictedShift, *unpredicted_m});
   const ErrorTerm* largest = nullptr;
   for (const ErrorTerm& term : prediction.terms) {
     v1::AcceptanceTerm* added = quantity->add_terms();
@@ -139,29 +151,26 @@ void AddQuantity(const AcceptanceTask& task, const Test& test, const AcceptanceQ
   }
 }
 
-void WarnOfChance(const Test& test, const AcceptanceQuantityInfo& info, double chance_m,
-                  double predicted_m, v1::AcceptanceResult* result) {
-  if (!(chance_m > kSmallChance * predicted_m / kNormal95)) return;
-  result->add_warnings(absl::StrFormat(
-      "the rendered lines are too few for the %s, %s: their mean leaves %.1f um (one standard "
-      "deviation) in all tests alike; more --realisations leave less",
-      info.title, test.artefact->name, 1e6 * chance_m));
-}
-
 absl::Status AddTest(const AcceptanceTask& task, const UncertaintyModel& model, const Test& test,
                      const RenderedLine* line, v1::AcceptanceResult* result) {
   const uint64_t seed = DeriveSeed(task.settings.seed, test.artefact->name.c_str());
   const SimulatedErrors simulated =
       SimulateTests(test.scan, *test.artefact, model, line == nullptr ? nullptr : &line->deviations,
                     task.settings.runs, seed);
+  ColumnDetection columns;
+  if (line != nullptr) {
+    columns.shifts_px = LineShifts(test.scan, *test.artefact, task.inspection.rig.laser,
+                                   task.imaging->inspection.optics->detector.method);
+  }
   std::vector<QuantityPrediction> predicted =
-      PredictTests(test.scan, *test.artefact, model, task.settings.runs, seed);
-  const std::vector<double> systematic =
-      line == nullptr ? std::vector<double>()
-                      : SystematicContributions(test.scan, *test.artefact, line->deviations);
-  const std::vector<double> chance =
-      line == nullptr ? std::vector<double>()
-                      : ChanceOfRenderedLines(test.scan, *test.artefact, line->deviations);
+      PredictTests(test.scan, *test.artefact, model, line == nullptr ? nullptr : &columns,
+                   task.settings.runs, seed);
+  std::vector<double> unpredicted;
+  if (line != nullptr) {
+    std::vector<double> rest_px = RenderedShifts(test.scan, *test.artefact, line->deviations);
+    for (size_t i = 0; i < rest_px.size(); ++i) rest_px[i] -= columns.shifts_px[i];
+    unpredicted = SystematicContributions(test.scan, *test.artefact, rest_px);
+  }
   size_t q = 0;
   for (const AcceptanceQuantityInfo& info : AcceptanceQuantities()) {
     if (info.artefact != test.artefact->kind) continue;
@@ -169,9 +178,8 @@ absl::Status AddTest(const AcceptanceTask& task, const UncertaintyModel& model, 
       return absl::FailedPreconditionError(absl::StrCat(
           task.context, ": points measured of the ", test.artefact->name, " do not determine it"));
     }
-    if (line != nullptr) WarnOfChance(test, info, chance[q], predicted[q].magnitude_m, result);
     AddQuantity(task, test, info, simulated[q], std::move(predicted[q]),
-                line == nullptr ? nullptr : &systematic[q], result);
+                line == nullptr ? nullptr : &unpredicted[q], result);
     ++q;
   }
   return absl::OkStatus();
@@ -189,19 +197,22 @@ void AddDetection(const std::map<ArtefactKind, RenderedLine>& lines, const ByInc
   detection->set_rendered(true);
   detection->set_exposure_time_s(exposure_time_s);
   detection->set_found_fraction(sphere->found_fraction);
-  Moments all;
-  for (const RenderedLine::Sample& sample : sphere->samples) all.Add(sample.deviation_px);
-  detection->set_standard_deviation_px(all.Deviation());
-  detection->set_mean_px(all.Mean());
+  Bin all;
+  for (const RenderedLine::Sample& sample : sphere->samples) {
+    all.systematic.Add(sample.systematic_px);
+    all.random.Add(sample.random_px);
+  }
+  detection->set_standard_deviation_px(all.random.RootMeanSquare());
+  detection->set_mean_px(all.systematic.Mean());
   int images = 0;
   for (const auto& [kind, line] : lines) images += line.images;
   detection->set_images(images);
-  for (const auto& [bin, moments] : bins) {
+  for (const auto& [number, bin] : bins) {
     v1::AcceptanceDetection::Bin* added = detection->add_by_incidence();
-    added->set_incidence_deg((bin + 0.5) * kBin_rad / kDegree);
-    added->set_standard_deviation_px(moments.Deviation());
-    added->set_mean_px(moments.Mean());
-    added->set_points(moments.count);
+    added->set_incidence_deg((number + 0.5) * kBin_rad / kDegree);
+    added->set_standard_deviation_px(bin.random.RootMeanSquare());
+    added->set_mean_px(bin.systematic.Mean());
+    added->set_points(bin.random.count);
   }
 }
 
@@ -224,8 +235,8 @@ absl::StatusOr<v1::AcceptanceResult> RunAcceptance(const AcceptanceTask& task,
   if (task.inspection.targets.max_incidence_rad) {
     limits.most_incidence_rad = *task.inspection.targets.max_incidence_rad;
   }
-  SIGHTLINE_ASSIGN_OR_RETURN(const auto choice,
-                             ChooseArtefacts(task.settings, rig, geometry, limits, task.context));
+  const auto choice = ChooseArtefacts(task.settings, rig, geometry, limits, task.context);
+  if (!choice.ok()) return choice.status();
 
   v1::AcceptanceResult result;
   result.set_inspection_name(task.inspection.name);
@@ -233,33 +244,36 @@ absl::StatusOr<v1::AcceptanceResult> RunAcceptance(const AcceptanceTask& task,
   result.set_field_width_m(FieldWidth(rig, place));
   result.set_runs(task.settings.runs);
   result.set_seed(static_cast<int64_t>(task.settings.seed));
-  for (const std::string& warning : choice.warnings) result.add_warnings(warning);
+  for (const std::string& warning : choice->warnings) result.add_warnings(warning);
 
   // Images of every kind of artefact.
   std::map<ArtefactKind, RenderedLine> lines;
   double exposure_time_s = task.settings.exposure_time_s.value_or(0);
-  for (const Artefact& artefact : choice.artefacts) {
+  for (const Artefact& artefact : choice->artefacts) {
     if (!task.imaging || RenderedFor(artefact.kind) != artefact.kind) continue;
     SightLimits all_columns = limits;
     all_columns.most_points = std::numeric_limits<int>::max();
     const ArtefactScan scan = ScanArtefact(rig, geometry, artefact, all_columns);
     if (!(exposure_time_s > 0)) {
-      SIGHTLINE_ASSIGN_OR_RETURN(exposure_time_s,
-                                 ExposureOf(client, *task.imaging, artefact, scan));
+      const auto exposure = ExposureOf(client, *task.imaging, artefact, scan);
+      if (!exposure.ok()) return exposure.status();
+      exposure_time_s = *exposure;
     }
-    SIGHTLINE_ASSIGN_OR_RETURN(auto line,
-                               RenderLine(client, *task.imaging, artefact, scan, exposure_time_s,
-                                          FramesOf(artefact.kind), task.realisations));
-    if (line.found_fraction < 0.9) {
+    auto line = RenderLine(client, *task.imaging, artefact, scan, exposure_time_s,
+                           FramesOf(artefact.kind), task.realisations);
+    if (!line.ok()) return line.status();
+    if (line->found_fraction < 0.9) {
       result.add_warnings(absl::StrFormat(
           "the laser line is found in %.0f %% of the columns that see the %s: the exposure time of "
           "%.3g ms may not suit it",
-          100 * line.found_fraction, artefact.name, 1e3 * exposure_time_s));
+          100 * line->found_fraction, artefact.name, 1e3 * exposure_time_s));
     }
-    lines.emplace(artefact.kind, std::move(line));
+    lines.emplace(artefact.kind, *std::move(line));
   }
 
-  const ByIncidence bins = Binned(lines);
+  std::vector<const RenderedLine*> every_line;
+  for (const auto& [kind, line] : lines) every_line.push_back(&line);
+  const ByIncidence bins = Binned(every_line);
   UncertaintyModel model;
   if (task.inspection.uncertainty) {
     model = *task.inspection.uncertainty;
@@ -276,12 +290,20 @@ absl::StatusOr<v1::AcceptanceResult> RunAcceptance(const AcceptanceTask& task,
         "uncertainty.calibration is not stated: a rig calibrated on site is assumed, with 0.001 "
         "degrees and 0.01 mm for camera and laser");
   }
-  for (const Artefact& artefact : choice.artefacts) {
-    const Test test{&artefact, ScanArtefact(rig, geometry, artefact, limits)};
+  for (const Artefact& artefact : choice->artefacts) {
+    const RenderedLine* line = LineFor(lines, artefact.kind);
+    // At equal incidence of the camera that of the laser differs between artefacts, and with it the
+    // width of the line in the image, which speckle errors grow with.
+    if (!task.detection_stated && line != nullptr) {
+      const ByIncidence own = Binned({line});
+      if (!own.empty()) model.detection = NoiseOf(own);
+    }
+    const Test test{&artefact, ScanOf(rig, geometry, artefact, limits, line)};
     if (artefact.kind == ArtefactKind::kSphere) {
       AddDetection(lines, bins, PredictedDetection(test.scan, model), exposure_time_s, &result);
     }
-    SIGHTLINE_RETURN_IF_ERROR(AddTest(task, model, test, LineFor(lines, artefact.kind), &result));
+    absl::Status added = AddTest(task, model, test, line, &result);
+    if (!added.ok()) return added;
   }
   AddVerdict(&result);
   return result;
