@@ -18,6 +18,7 @@
 #include "core/random/seed.h"
 #include "core/sensor/sensor.h"
 #include "core/statistics/order_statistics.h"
+#include "core/status/status_macros.h"
 #include "planner_client/acceptance/artefact_mesh.h"
 #include "planner_client/acceptance/channel_planes.h"
 
@@ -107,17 +108,15 @@ absl::StatusOr<std::vector<Image<uint16_t>>> Images(const RenderClientOptions& c
       static_cast<int64_t>(seed >> 1));
   std::vector<AssetFile> assets = imaging.assets;
   assets.push_back({kMeshFile, mesh.stl});
-  const auto files = RenderToFolder(client, std::move(spec), assets, imaging.folder);
-  if (!files.ok()) return files.status();
-  std::vector<std::string> names = *files;
+  SIGHTLINE_ASSIGN_OR_RETURN(std::vector<std::string> names,
+                             RenderToFolder(client, std::move(spec), assets, imaging.folder));
   std::sort(names.begin(), names.end());
   std::vector<Image<uint16_t>> images;
   for (const std::string& name : names) {
     const fs::path path = fs::path(imaging.folder) / name;
     if (path.extension() == ".png") {
-      auto image = ReadRawImage(path.string());
-      if (!image.ok()) return image.status();
-      images.push_back(*std::move(image));
+      SIGHTLINE_ASSIGN_OR_RETURN(auto image, ReadRawImage(path.string()));
+      images.push_back(std::move(image));
     }
     std::error_code ignored;
     fs::remove(path, ignored);
@@ -221,9 +220,8 @@ absl::StatusOr<SeenLine> DeviationsOf(const Image<uint16_t>& image, const Crop& 
                                       const std::vector<const ArtefactPoint*>& truth) {
   std::map<int, double> rows_px;  // of detected points, in the whole image
   for (const ChannelPlane& plane : planes) {
-    const auto points = LineOf(image, plane, inspection);
-    if (!points.ok()) return points.status();
-    for (const LinePoint& p : *points) {
+    SIGHTLINE_ASSIGN_OR_RETURN(const auto points, LineOf(image, plane, inspection));
+    for (const LinePoint& p : points) {
       rows_px[crop.first_column + p.column_px] = crop.first_row + p.row_px;
     }
   }
@@ -259,17 +257,16 @@ absl::StatusOr<double> ExposureOf(const RenderClientOptions& client, const Artef
   std::vector<double> times_s;
   for (double time_s = 1e-6; time_s <= 1; time_s *= 4) times_s.push_back(time_s);
   for (const double time_s : times_s) AddFrame(imaging, mesh, stage_m, time_s, &spec);
-  const auto images = Images(client, imaging, mesh, std::move(spec), imaging.seed);
-  if (!images.ok()) return images.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto images,
+                             Images(client, imaging, mesh, std::move(spec), imaging.seed));
   const Sensor& sensor = *imaging.inspection.sensor;
   const double range_dn = SaturationOf(sensor) - sensor.black_level_dn;
   double best_s = 0;
   for (size_t i = 0; i < times_s.size(); ++i) {
     std::vector<double> peaks_dn;
     for (const ChannelPlane& plane : PlanesOf(imaging.inspection, crop)) {
-      const auto points = LineOf((*images)[i], plane, imaging.inspection);
-      if (!points.ok()) return points.status();
-      for (const LinePoint& p : *points) peaks_dn.push_back(p.peak_dn);
+      SIGHTLINE_ASSIGN_OR_RETURN(const auto points, LineOf(images[i], plane, imaging.inspection));
+      for (const LinePoint& p : points) peaks_dn.push_back(p.peak_dn);
     }
     if (peaks_dn.size() < 16) continue;
     const double bright_dn = LowerQuantile(peaks_dn, 0.95);
@@ -305,40 +302,40 @@ absl::StatusOr<RenderedLine> RenderLine(const RenderClientOptions& client,
   // Without speckle the image is the mean one, up to the little noise of the sensor.
   v1::RenderSpec mean_spec = spec;
   mean_spec.mutable_part()->mutable_inspection()->mutable_render()->set_speckle(false);
-  const auto mean_images =
+  SIGHTLINE_ASSIGN_OR_RETURN(
+      const auto mean_images,
       Images(client, imaging, mesh, std::move(mean_spec),
-             DeriveSeed(DeriveSeed(imaging.seed, "mean image"), artefact.name.c_str()));
-  if (!mean_images.ok()) return mean_images.status();
+             DeriveSeed(DeriveSeed(imaging.seed, "mean image"), artefact.name.c_str())));
   for (size_t i = 0; i < chosen.size(); ++i) {
-    auto systematic =
-        DeviationsOf((*mean_images)[i], crop, planes, imaging.inspection, truth.at(chosen[i]));
-    if (!systematic.ok()) return systematic.status();
-    frames[i].systematic = std::move(systematic->line);
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        auto systematic,
+        DeviationsOf(mean_images[i], crop, planes, imaging.inspection, truth.at(chosen[i])));
+    frames[i].systematic = std::move(systematic.line);
     ++line.images;
   }
   double visible = 0, found = 0;
   for (int r = 0; r < realisations; ++r) {
-    const auto images =
+    SIGHTLINE_ASSIGN_OR_RETURN(
+        const auto images,
         Images(client, imaging, mesh, spec,
-               DeriveSeed(imaging.seed, artefact.name.c_str(), static_cast<uint64_t>(r)));
-    if (!images.ok()) return images.status();
+               DeriveSeed(imaging.seed, artefact.name.c_str(), static_cast<uint64_t>(r))));
     for (size_t i = 0; i < chosen.size(); ++i) {
       const std::vector<const ArtefactPoint*>& points = truth.at(chosen[i]);
-      auto seen = DeviationsOf((*images)[i], crop, planes, imaging.inspection, points);
-      if (!seen.ok()) return seen.status();
+      SIGHTLINE_ASSIGN_OR_RETURN(auto seen,
+                                 DeviationsOf(images[i], crop, planes, imaging.inspection, points));
       ++line.images;
-      visible += seen->visible;
-      found += seen->found;
+      visible += seen.visible;
+      found += seen.found;
       for (const ArtefactPoint* p : points) {
         const int column = p->column_px - crop.first_column;
         if (column < 0 || column >= crop.columns_px) continue;
         const auto index = static_cast<size_t>(column);
-        const double deviation_px = seen->line.rows_px[index];
+        const double deviation_px = seen.line.rows_px[index];
         const double systematic_px = frames[i].systematic.rows_px[index];
         if (!std::isfinite(deviation_px) || !std::isfinite(systematic_px)) continue;
         line.samples.push_back({p->incidence_rad, systematic_px, deviation_px - systematic_px});
       }
-      frames[i].realisations.push_back(std::move(seen->line));
+      frames[i].realisations.push_back(std::move(seen.line));
     }
   }
   line.found_fraction = visible > 0 ? found / visible : 0;

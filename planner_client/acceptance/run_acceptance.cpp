@@ -13,6 +13,7 @@
 #include "absl/strings/str_format.h"
 #include "core/acceptance/virtual_test.h"
 #include "core/random/seed.h"
+#include "core/status/status_macros.h"
 #include "core/uncertainty/uncertainty_model.h"
 
 namespace sightline {
@@ -235,8 +236,8 @@ absl::StatusOr<v1::AcceptanceResult> RunAcceptance(const AcceptanceTask& task,
   if (task.inspection.targets.max_incidence_rad) {
     limits.most_incidence_rad = *task.inspection.targets.max_incidence_rad;
   }
-  const auto choice = ChooseArtefacts(task.settings, rig, geometry, limits, task.context);
-  if (!choice.ok()) return choice.status();
+  SIGHTLINE_ASSIGN_OR_RETURN(const auto choice,
+                             ChooseArtefacts(task.settings, rig, geometry, limits, task.context));
 
   v1::AcceptanceResult result;
   result.set_inspection_name(task.inspection.name);
@@ -244,31 +245,30 @@ absl::StatusOr<v1::AcceptanceResult> RunAcceptance(const AcceptanceTask& task,
   result.set_field_width_m(FieldWidth(rig, place));
   result.set_runs(task.settings.runs);
   result.set_seed(static_cast<int64_t>(task.settings.seed));
-  for (const std::string& warning : choice->warnings) result.add_warnings(warning);
+  for (const std::string& warning : choice.warnings) result.add_warnings(warning);
 
   // Images of every kind of artefact.
   std::map<ArtefactKind, RenderedLine> lines;
   double exposure_time_s = task.settings.exposure_time_s.value_or(0);
-  for (const Artefact& artefact : choice->artefacts) {
+  for (const Artefact& artefact : choice.artefacts) {
     if (!task.imaging || RenderedFor(artefact.kind) != artefact.kind) continue;
     SightLimits all_columns = limits;
     all_columns.most_points = std::numeric_limits<int>::max();
     const ArtefactScan scan = ScanArtefact(rig, geometry, artefact, all_columns);
     if (!(exposure_time_s > 0)) {
-      const auto exposure = ExposureOf(client, *task.imaging, artefact, scan);
-      if (!exposure.ok()) return exposure.status();
-      exposure_time_s = *exposure;
+      SIGHTLINE_ASSIGN_OR_RETURN(exposure_time_s,
+                                 ExposureOf(client, *task.imaging, artefact, scan));
     }
-    auto line = RenderLine(client, *task.imaging, artefact, scan, exposure_time_s,
-                           FramesOf(artefact.kind), task.realisations);
-    if (!line.ok()) return line.status();
-    if (line->found_fraction < 0.9) {
+    SIGHTLINE_ASSIGN_OR_RETURN(auto line,
+                               RenderLine(client, *task.imaging, artefact, scan, exposure_time_s,
+                                          FramesOf(artefact.kind), task.realisations));
+    if (line.found_fraction < 0.9) {
       result.add_warnings(absl::StrFormat(
           "the laser line is found in %.0f %% of the columns that see the %s: the exposure time of "
           "%.3g ms may not suit it",
-          100 * line->found_fraction, artefact.name, 1e3 * exposure_time_s));
+          100 * line.found_fraction, artefact.name, 1e3 * exposure_time_s));
     }
-    lines.emplace(artefact.kind, *std::move(line));
+    lines.emplace(artefact.kind, std::move(line));
   }
 
   std::vector<const RenderedLine*> every_line;
@@ -290,7 +290,7 @@ absl::StatusOr<v1::AcceptanceResult> RunAcceptance(const AcceptanceTask& task,
         "uncertainty.calibration is not stated: a rig calibrated on site is assumed, with 0.001 "
         "degrees and 0.01 mm for camera and laser");
   }
-  for (const Artefact& artefact : choice->artefacts) {
+  for (const Artefact& artefact : choice.artefacts) {
     const RenderedLine* line = LineFor(lines, artefact.kind);
     // At equal incidence of the camera that of the laser differs between artefacts, and with it the
     // width of the line in the image, which speckle errors grow with.
@@ -302,8 +302,7 @@ absl::StatusOr<v1::AcceptanceResult> RunAcceptance(const AcceptanceTask& task,
     if (artefact.kind == ArtefactKind::kSphere) {
       AddDetection(lines, bins, PredictedDetection(test.scan, model), exposure_time_s, &result);
     }
-    absl::Status added = AddTest(task, model, test, line, &result);
-    if (!added.ok()) return added;
+    SIGHTLINE_RETURN_IF_ERROR(AddTest(task, model, test, line, &result));
   }
   AddVerdict(&result);
   return result;
