@@ -8,6 +8,8 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "core/calibration_set/number_fields.h"
+#include "core/field_limits/field_checks.h"
+#include "core/field_limits/imaging_limits.h"
 #include "core/file/read_file.h"
 #include "core/json/strict_json.h"
 #include "core/status/status_macros.h"
@@ -149,6 +151,30 @@ absl::Status ReadFrames(const fs::path& folder, const v1::FramePattern& from, Ca
   return absl::OkStatus();
 }
 
+// Zero stands for a value that is not assumed.
+absl::Status CheckAssumed(const v1::AssumedDevices& assumed, const std::string& file) {
+  const Checker check(file);
+  if (assumed.pixel_pitch_m() != 0) {
+    SIGHTLINE_RETURN_IF_ERROR(
+        check.Range("assumed.pixel_pitch_m", assumed.pixel_pitch_m(), kPixelPitch));
+  }
+  if (assumed.f_number() != 0) {
+    SIGHTLINE_RETURN_IF_ERROR(check.Range("assumed.f_number", assumed.f_number(), kLensFNumber));
+  }
+  if (assumed.wavelength_m() != 0) {
+    SIGHTLINE_RETURN_IF_ERROR(
+        check.Range("assumed.wavelength_m", assumed.wavelength_m(), kLaserWavelength));
+  }
+  const double sensor_pitch_m = assumed.sensor().pixel_pitch_m();
+  if (sensor_pitch_m != 0 && assumed.pixel_pitch_m() != 0 &&
+      std::abs(sensor_pitch_m / assumed.pixel_pitch_m() - 1) > 1e-6) {
+    return Wrong(file, "assumed.pixel_pitch_m",
+                 absl::StrCat("is ", assumed.pixel_pitch_m(), " m, but assumed.sensor has ",
+                              sensor_pitch_m, " m"));
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::StatusOr<CalibrationSet> ReadCalibrationSet(const std::string& folder_name) {
@@ -192,6 +218,7 @@ absl::StatusOr<CalibrationSet> ReadCalibrationSet(const std::string& folder_name
     if (distance < 0) normal = -normal, distance = -distance;
     set.reference_plane = {normal, distance};
   }
+  SIGHTLINE_RETURN_IF_ERROR(CheckAssumed(message.assumed(), set.file));
   set.assumed = message.assumed();
   SIGHTLINE_RETURN_IF_ERROR(ReadFrames(folder, message.frames(), &set));
   return set;

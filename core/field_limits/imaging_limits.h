@@ -19,6 +19,7 @@ inline constexpr Limits kLensTransmission{0, 1, "", true};
 inline constexpr Limits kLensDistortion{-10, 10, ""};
 inline constexpr Limits kApertureBlades{3, 64, " (or 0: a circle)"};
 inline constexpr Limits kPixelPitch{1e-7, 1e-3, " m"};
+inline constexpr Limits kLaserWavelength{200e-9, 2000e-9, " m"};
 inline constexpr Limits kExposureTime{0, 100, " s", true};
 
 }  // namespace sightline

@@ -23,7 +23,6 @@ constexpr int kMaxZernikeTerms = 66;
 
 constexpr Limits kLaserDistance{0.02, 5, " m"};
 constexpr Limits kFanAngle{0, 180, " deg", true, true};
-constexpr Limits kLaserWavelength{200e-9, 2000e-9, " m"};
 constexpr Limits kLaserPower{0, 100, " W"};
 constexpr Limits kDivergence{0, 0.5, " rad", true};
 constexpr Limits kBeamFocus{0, 100, " m"};

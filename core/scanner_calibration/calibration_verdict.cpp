@@ -7,8 +7,9 @@
 
 namespace sightline {
 
-CalibrationVerdict VerdictOf(const ScatterRatio& ratio) {
-  if (!(ratio.value > 0) || !std::isfinite(ratio.value) || !std::isfinite(ratio.high)) {
+CalibrationVerdict VerdictOf(const ScatterRatio& ratio, int frames) {
+  if (frames < kFewestFramesForVerdict || !(ratio.value > 0) || !std::isfinite(ratio.value) ||
+      !std::isfinite(ratio.high)) {
     return CalibrationVerdict::kNotDecided;
   }
   if (ratio.low > kLargestPermittedRatio) return CalibrationVerdict::kTooLarge;
@@ -34,12 +35,13 @@ const char* NameOf(CalibrationVerdict verdict) {
   return "NOT_DECIDED";
 }
 
-std::string VerdictText(const ScatterRatio& ratio) {
-  switch (VerdictOf(ratio)) {
+std::string VerdictText(const ScatterRatio& ratio, int frames) {
+  switch (VerdictOf(ratio, frames)) {
     case CalibrationVerdict::kAgrees:
       return absl::StrFormat(
-          "The geometry agrees: real errors are %.2f times the predicted ones, between %.1f and "
-          "%.1f. Plans can rely on the predicted uncertainty.",
+          "The geometry agrees: real errors are %.2f times the predicted ones, within the "
+          "permitted "
+          "%.1f to %.1f. Plans can rely on the predicted uncertainty.",
           ratio.value, kLeastPermittedRatio, kLargestPermittedRatio);
     case CalibrationVerdict::kTooLarge:
       return absl::StrFormat(
@@ -56,6 +58,12 @@ std::string VerdictText(const ScatterRatio& ratio) {
           ratio.value, ratio.high);
     case CalibrationVerdict::kNotDecided:
       break;
+  }
+  if (frames < kFewestFramesForVerdict) {
+    return absl::StrFormat(
+        "%d frames do not decide whether the geometry agrees, %d are needed and 12 or more are "
+        "recommended: real errors are %.2f times the predicted ones.",
+        frames, kFewestFramesForVerdict, ratio.value);
   }
   return absl::StrFormat(
       "These frames do not decide whether the geometry agrees: real errors are %.2f times the "

@@ -30,6 +30,9 @@ constexpr double kBetterPrediction = 0.9;
 constexpr double kOtherReference = 5;
 // Light is measured from this distance from the line on: nearer, it is the line itself.
 constexpr double kBesideLine_m = 0.002;
+// Corners of two views that differ by less than this are of the same view: some ten times the error
+// of a corner.
+constexpr double kSameView_px = 3;
 // A principal point farther from the image's middle than this part of its size is unusual.
 constexpr double kOffCentre = 0.1;
 
@@ -102,11 +105,34 @@ CameraPrior ChooseCamera(const CalibrationSet& set, const FoundTargets& found,
   if (given_px <= 1 || given_px <= 2 * found.rms_px) return *set.camera;
   warnings->push_back(absl::StrFormat(
       "The given camera does not fit the frames: corners are off %.2f px (rms) with it and %.2f px "
-      "with one estimated from the frames (focal length %.0f instead of %.0f px). The estimated "
-      "one is used.%s",
+      "with one estimated from the corners (focal length %.0f instead of %.0f px). The estimated "
+      "one is the start of the adjustment.%s",
       given_px, found.rms_px, found.camera.fx, set.camera->camera.fx,
       OtherImageSize(set.camera->camera, found)));
   return EstimatedCamera(found);
+}
+
+// Frames that show the target in the same place as an earlier one say nothing new. Each would be
+// predicted from its own copy when it is left out, and the ratio would be that of repeated frames.
+void LeaveOutRepeated(const std::vector<CalibrationFrameResult>& frames, FoundTargets* found) {
+  for (size_t i = 0; i < found->frames.size(); ++i) {
+    FoundTargets::Frame& frame = found->frames[i];
+    for (size_t k = 0; k < i && frame.because.empty(); ++k) {
+      const FoundTargets::Frame& earlier = found->frames[k];
+      if (!earlier.because.empty() || earlier.corners_px.size() != frame.corners_px.size())
+        continue;
+      double sum = 0;
+      for (size_t c = 0; c < frame.corners_px.size(); ++c) {
+        sum += (frame.corners_px[c] - earlier.corners_px[c]).squaredNorm();
+      }
+      const double rms_px =
+          std::sqrt(sum / std::max<double>(1, static_cast<double>(frame.corners_px.size())));
+      if (rms_px > kSameView_px) continue;
+      frame.because = absl::StrFormat(
+          "it shows the target in the same place as %s (corners %.2f px apart): a view counts once",
+          frames[k].name, rms_px);
+    }
+  }
 }
 
 absl::StatusOr<UsedFrames> FindLines(const CalibrationSet& set, const FoundTargets& found,
@@ -395,7 +421,8 @@ absl::StatusOr<CalibrationResult> CalibrateScanner(const CalibrationSet& set,
     result.frames.emplace_back().name = frame.name;
   }
   progress(0, absl::StrCat("looks for the target in ", images.size(), " frames"));
-  SIGHTLINE_ASSIGN_OR_RETURN(const auto found, FindTargets(images, set.board));
+  SIGHTLINE_ASSIGN_OR_RETURN(auto found, FindTargets(images, set.board));
+  LeaveOutRepeated(result.frames, &found);
   result.columns_px = found.columns_px;
   result.rows_px = found.rows_px;
   const CameraPrior camera = ChooseCamera(set, found, &result.warnings);

@@ -161,8 +161,8 @@ std::string CalibrationJson(const CalibrationResult& result) {
   }
   json["real_over_predicted"] = {
       {"value", result.ratio.value}, {"low", result.ratio.low}, {"high", result.ratio.high}};
-  json["verdict"] = {{"value", NameOf(VerdictOf(result.ratio))},
-                     {"because", VerdictText(result.ratio)}};
+  json["verdict"] = {{"value", NameOf(VerdictOf(result.ratio, result.UsedFrames()))},
+                     {"because", VerdictText(result.ratio, result.UsedFrames())}};
   json["light"] = LightJson(result.light);
   json["warnings"] = result.warnings;
   return json.dump(2) + "\n";

@@ -2,6 +2,7 @@
 // Result of a calibration of a scanner.
 #pragma once
 
+#include <algorithm>
 #include <optional>
 #include <string>
 #include <vector>
@@ -42,6 +43,11 @@ struct TargetBend {
 };
 
 struct CalibrationResult {
+  int UsedFrames() const {
+    return static_cast<int>(
+        std::count_if(frames.begin(), frames.end(), [](const auto& frame) { return frame.used; }));
+  }
+
   std::string name;
   int columns_px = 0, rows_px = 0;
   TargetBoard board;

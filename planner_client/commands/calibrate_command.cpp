@@ -29,6 +29,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// Fraction of clipped rows or columns from which no piece of a line is without clipping.
+constexpr double kAllClipped = 0.99;
+
 struct CalibrateOptions {
   std::string folder, part, unit, out;
 };
@@ -57,12 +60,12 @@ absl::StatusOr<std::string> WriteRecordings(const CalibrateOptions& options,
                                             const CalibrationSet& set,
                                             const CalibrationResult& result) {
   const fs::path folder = fs::path(options.out) / "recordings";
+  std::error_code error;
+  fs::remove_all(folder, error);  // of an earlier run, whose lines may be of another scanner
   const auto lines = RecordedLinesOf(set, result);
   if (!lines.ok()) {
     return absl::StrCat("recordings/ is not written: ", lines.status().message());
   }
-  std::error_code error;
-  fs::remove_all(folder, error);  // of an earlier run
   fs::create_directories(folder / "images", error);
   if (error) {
     return absl::UnavailableError(absl::StrCat(folder.string(), ": ", error.message()));
@@ -74,8 +77,12 @@ absl::StatusOr<std::string> WriteRecordings(const CalibrateOptions& options,
                                                 RecordingsToJson(lines->recordings) + "\n"));
   return absl::StrFormat(
       "recordings/ has %d pieces of the lines for sightline diagnose; %.0f %% of their length is "
-      "left out, since dark squares, edges or other parts are beside it",
-      lines->images.size(), 100.0 * lines->left_out_px / std::max(1, lines->line_px));
+      "left out, since dark squares, edges or other parts are beside it%s",
+      lines->images.size(), 100.0 * lines->left_out_px / std::max(1, lines->line_px),
+      result.clipped_fraction > kAllClipped
+          ? ". All lines are clipped: diagnose refuses the set until laser.power_w and "
+            "exposure_time_s are stated in recordings.json"
+          : "");
 }
 
 absl::StatusOr<int> Calibrate(const CalibrateOptions& options) {
@@ -106,7 +113,7 @@ absl::StatusOr<int> Calibrate(const CalibrateOptions& options) {
   }
   std::printf("\nreal over predicted   %.2f (95 %%: %.2f to %.2f)\n", result->ratio.value,
               result->ratio.low, result->ratio.high);
-  std::printf("%s\n", VerdictText(result->ratio).c_str());
+  std::printf("%s\n", VerdictText(result->ratio, result->UsedFrames()).c_str());
   if (result->hand_eye) {
     std::printf("hand-eye closure      %.2f mm\n", 1e3 * result->hand_eye->closure_m);
   }

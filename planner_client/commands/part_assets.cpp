@@ -82,7 +82,10 @@ absl::StatusOr<ImagingInspection> CheckImagingInspection(const v1::Inspection& m
 absl::Status TakeAssets(const std::string& context, v1::Inspection* inspection,
                         std::vector<AssetFile>* assets) {
   inspection->clear_targets();
-  inspection->clear_measurement();
+  // The housing of a rigid head has the distance and the angle of the domain.
+  if (inspection->rig().sensor_mount() != v1::Rig::SENSOR_MOUNT_RIGID) {
+    inspection->clear_measurement();
+  }
   inspection->clear_goal();
   inspection->clear_costs();
   inspection->clear_uncertainty();

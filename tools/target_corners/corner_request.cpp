@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "core/field_limits/imaging_limits.h"
 #include "core/image/read_raw_image.h"
 #include "tools/target_corners/board_corners.h"
 #include "tools/target_corners/camera_estimate.h"
@@ -19,7 +20,11 @@ using Json = nlohmann::json;
 
 // Numbers of more than 8 bits are divided down: corners are found in 8 bits.
 absl::StatusOr<cv::Mat> ReadGrey(const std::string& path) {
-  const auto file = ReadRawImageFile(path);
+  const auto file = ReadRawImageFile(path, [](int columns_px, int rows_px) {
+    if (columns_px <= kImageSize.max && rows_px <= kImageSize.max) return absl::OkStatus();
+    return absl::InvalidArgumentError(absl::StrCat(columns_px, " x ", rows_px, " px, at most ",
+                                                   kImageSize.max, " px a side are permitted"));
+  });
   if (!file.ok()) return file.status();
   const Image<uint16_t>& raw = file->raw_dn;
   const uint16_t largest = *std::max_element(raw.values.begin(), raw.values.end());

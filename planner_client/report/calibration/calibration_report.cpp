@@ -227,14 +227,16 @@ ReportBlocks ScannerBlocks(const CalibrationResult& result) {
 }  // namespace
 
 v1::Report CalibrationReport(const CalibrationResult& result) {
-  const auto used = std::count_if(result.frames.begin(), result.frames.end(),
-                                  [](const auto& frame) { return frame.used; });
+  const int used = result.UsedFrames();
   v1::Report report;
   report.set_title("Calibration: " + result.name);
   report.set_kind("calibration");
   report.set_subject("Sightline \u00b7 calibration");
   report.set_heading(result.name);
-  *report.add_finding() = PlainRun(VerdictText(result.ratio) + " ");
+  *report.add_finding() = PlainRun(VerdictText(result.ratio, used) + " ");
+  if (!result.warnings.empty()) {
+    *report.add_finding() = PlainRun("The notes below say what this ratio does not show. ");
+  }
   *report.add_finding() = PlainRun(
       "Each frame was left out in turn and predicted from the others. Its points scatter ");
   *report.add_finding() = StrongRun(RatioText(result.ratio));

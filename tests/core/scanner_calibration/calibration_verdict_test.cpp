@@ -9,22 +9,31 @@ namespace sightline {
 namespace {
 
 TEST(CalibrationVerdictTest, AgreesOnlyWhereTheIntervalIsNarrowEnough) {
-  EXPECT_EQ(VerdictOf({1.0, 0.8, 1.2}), CalibrationVerdict::kAgrees);
-  EXPECT_EQ(VerdictOf({1.0, 0.1, 1.2}), CalibrationVerdict::kNotDecided);
-  EXPECT_EQ(VerdictOf({1.0, 0.8, 4.0}), CalibrationVerdict::kNotDecided);
+  EXPECT_EQ(VerdictOf({1.0, 0.8, 1.2}, 12), CalibrationVerdict::kAgrees);
+  EXPECT_EQ(VerdictOf({1.0, 0.1, 1.2}, 12), CalibrationVerdict::kNotDecided);
+  EXPECT_EQ(VerdictOf({1.0, 0.8, 4.0}, 12), CalibrationVerdict::kNotDecided);
 }
 
 TEST(CalibrationVerdictTest, DisagreesOnlyWhereTheWholeIntervalLiesBeyondAPermittedRatio) {
-  EXPECT_EQ(VerdictOf({2.0, 1.5, 2.5}), CalibrationVerdict::kTooLarge);
-  EXPECT_EQ(VerdictOf({2.0, 1.3, 2.5}), CalibrationVerdict::kNotDecided);
-  EXPECT_EQ(VerdictOf({0.5, 0.4, 0.6}), CalibrationVerdict::kTooSmall);
-  EXPECT_EQ(VerdictOf({0.5, 0.4, 0.8}), CalibrationVerdict::kNotDecided);
+  EXPECT_EQ(VerdictOf({2.0, 1.5, 2.5}, 12), CalibrationVerdict::kTooLarge);
+  EXPECT_EQ(VerdictOf({2.0, 1.3, 2.5}, 12), CalibrationVerdict::kNotDecided);
+  EXPECT_EQ(VerdictOf({0.5, 0.4, 0.6}, 12), CalibrationVerdict::kTooSmall);
+  EXPECT_EQ(VerdictOf({0.5, 0.4, 0.8}, 12), CalibrationVerdict::kNotDecided);
 }
 
 TEST(CalibrationVerdictTest, DoesNotDecideWithoutANumber) {
-  EXPECT_EQ(VerdictOf({0, 0, 0}), CalibrationVerdict::kNotDecided);
+  EXPECT_EQ(VerdictOf({0, 0, 0}, 12), CalibrationVerdict::kNotDecided);
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_EQ(VerdictOf({nan, nan, nan}), CalibrationVerdict::kNotDecided);
+  EXPECT_EQ(VerdictOf({nan, nan, nan}, 12), CalibrationVerdict::kNotDecided);
+}
+
+TEST(CalibrationVerdictTest, DoesNotDecideByFewFrames) {
+  for (const ScatterRatio& ratio :
+       {ScatterRatio{1.0, 0.8, 1.2}, ScatterRatio{0.1, 0.1, 0.3}, ScatterRatio{3.0, 2.5, 3.5}}) {
+    EXPECT_EQ(VerdictOf(ratio, 7), CalibrationVerdict::kNotDecided);
+    EXPECT_NE(VerdictOf(ratio, 8), CalibrationVerdict::kNotDecided);
+  }
+  EXPECT_NE(VerdictText({1.0, 0.8, 1.2}, 4).find("4 frames do not decide"), std::string::npos);
 }
 
 TEST(CalibrationVerdictTest, RemarksFramesThatAreFartherOffThanPredicted) {

@@ -158,6 +158,21 @@ TEST_F(RenderProcessTest, PartImageOfAFixedMeasurement) {
   EXPECT_NE(Bytes(folder_ + "/out/images/000.png"), image);
 }
 
+// The domain of a rigid head is part of its description: without it the housing is not known.
+TEST_F(RenderProcessTest, ARigidHeadWithAFixedDistance) {
+  std::ifstream file(folder_ + "/inspection.json");
+  std::ostringstream text;
+  text << file.rdbuf();
+  std::string rigid = text.str();
+  ASSERT_EQ(rigid.front(), '{');
+  rigid.insert(1, R"("rig": {"sensor_mount": "SENSOR_MOUNT_RIGID"},
+      "measurement": {"camera_distance_m": {"fixed": 0.3}, "triangulation_angle_deg": {"fixed": 30}},)");
+  Write("rigid.json", rigid);
+  const ProcessResult result = Render("{folder}/rigid.json --measurement 0.3,30,0,0,0,0,0,0,0");
+  ASSERT_EQ(result.exit_code, 0) << result.output;
+  EXPECT_TRUE(fs::exists(folder_ + "/out/images/000.png"));
+}
+
 // A draft joins pixels and is called one; a crop is the middle of the sensor; a preview is beside
 // every image and changes nothing of it.
 TEST_F(RenderProcessTest, DraftsCropsAndPreviews) {
