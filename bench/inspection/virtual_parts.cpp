@@ -21,6 +21,7 @@
 #include <filesystem>
 #include <functional>
 #include <numbers>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -383,8 +384,9 @@ void PrintPose(const PartPose& drawn, const MeasuredPart& part) {
   }
 }
 
-v1::InspectionResult MeasureAndJudge(const Bench& bench, const VirtualPart& part, bool calibration,
-                                     CounterRandom& random) {
+// Unset: the registration refuses the points by name.
+std::optional<v1::InspectionResult> MeasureAndJudge(const Bench& bench, const VirtualPart& part,
+                                                    bool calibration, CounterRandom& random) {
   PartPose pose;
   pose.centre_m = bench.model.mesh.BoundingBox().center();
   for (int i = 0; i < 3; ++i) {
@@ -407,7 +409,10 @@ v1::InspectionResult MeasureAndJudge(const Bench& bench, const VirtualPart& part
     files.push_back({bench.files[s], static_cast<int>(s)});
   }
   const auto found = FindMeasuredPart(bench.model.mesh, bench.inspection, files, bench.scans, {});
-  if (!found.ok()) Fail("virtual_parts", std::string(found.status().message()));
+  if (!found.ok()) {
+    std::printf("refused: %s\n", std::string(found.status().message()).c_str());
+    return std::nullopt;
+  }
   if (bench.verbose) PrintPose(pose, *found);
   const auto surface = EstimateSurface(bench.model.mesh, bench.inspection, *found);
   if (!surface.ok()) Fail("virtual_parts", std::string(surface.status().message()));
@@ -478,7 +483,8 @@ Bench MakeBench(VirtualModel model, const Options& options, const std::string& f
   CounterRandom random(options.seed, 1'000'000);
   VirtualPart none;
   const auto result = MeasureAndJudge(bench, none, options.calibration, random);
-  for (const v1::InspectedFeature& feature : result.features()) {
+  if (!result) Fail("virtual_parts", "a part without deviations is refused");
+  for (const v1::InspectedFeature& feature : result->features()) {
     if (options.verbose)
       std::printf("  %s: %s\n", feature.name().c_str(), feature.because().c_str());
     bench.expanded_m.push_back(feature.expanded_uncertainty_m());
@@ -503,8 +509,9 @@ Json RunModel(VirtualModel model, const Options& options, const std::string& fol
     const VirtualPart part =
         DrawPart(bench, p % 2 == 1 && !options.at_limit, options.at_limit, random);
     const auto result = MeasureAndJudge(bench, part, options.calibration, random);
+    if (!result) continue;
     for (size_t f = 0; f < tallies.size(); ++f) {
-      const v1::InspectedFeature& feature = result.features(static_cast<int>(f));
+      const v1::InspectedFeature& feature = result->features(static_cast<int>(f));
       const double truth_m = part.true_values_m[f];
       const double off_m = std::abs(truth_m - NominalSize(bench, f));
       const bool conforms = off_m <= LimitOf(bench.model.features[f]) * (1 + 1e-9);
