@@ -34,6 +34,30 @@ std::vector<Eigen::Vector2d> SeenPositions(const AdjustedRig& rig, int columns_p
   return positions;
 }
 
+// Distance of the camera from the laser plane along the viewing ray of the image's centre [m], and
+// the angle between this ray and the plane [rad].
+Eigen::Vector2d DistanceAndAngle(const Eigen::VectorXd& shared, const Eigen::Vector2d& centre_px) {
+  const Eigen::Vector3d origin = PointOnPlane(shared, centre_px);
+  const Eigen::Vector3d normal = shared.segment<3>(kPlaneX).normalized();
+  return {origin.norm(), std::asin(std::min(1.0, std::abs(normal.dot(origin.normalized()))))};
+}
+
+// First-order propagation with one-sided differences of a tenth of each standard error.
+void SetErrors(const AdjustedRig& rig, const Eigen::Vector2d& centre_px, PlanningRig* described) {
+  const Eigen::Vector2d nominal = DistanceAndAngle(rig.shared, centre_px);
+  Eigen::MatrixXd derivatives = Eigen::MatrixXd::Zero(2, kSharedParameters);
+  for (int i = 0; i < kSharedParameters; ++i) {
+    const double step = 0.1 * std::sqrt(rig.covariance(i, i));
+    if (!(step > 0)) continue;
+    Eigen::VectorXd moved = rig.shared;
+    moved[i] += step;
+    derivatives.col(i) = (DistanceAndAngle(moved, centre_px) - nominal) / step;
+  }
+  const Eigen::Matrix2d covariance = derivatives * rig.covariance * derivatives.transpose();
+  described->camera_distance_error_m = std::sqrt(covariance(0, 0));
+  described->triangulation_angle_error_rad = std::sqrt(covariance(1, 1));
+}
+
 }  // namespace
 
 absl::StatusOr<PlanningRig> DescribeForPlanning(const AdjustedRig& rig, int columns_px,
@@ -59,6 +83,8 @@ absl::StatusOr<PlanningRig> DescribeForPlanning(const AdjustedRig& rig, int colu
   described.focal_length_px = std::sqrt(camera.fx * camera.fy);
   described.camera_distance_m = origin.norm();
   described.triangulation_angle_rad = std::acos(std::clamp(laser_axis.dot(axis), -1.0, 1.0));
+
+  SetErrors(rig, centre, &described);
 
   TriangulationSetup setup;
   setup.camera = {.origin_m = Eigen::Vector3d::Zero(), .x_axis = x, .y_axis = y, .z_axis = axis};

@@ -19,6 +19,8 @@ struct PlanningRig {
   double focal_length_px = 0;
   double camera_distance_m = 0;        // pupil to laser plane along the axis
   double triangulation_angle_rad = 0;  // positive
+  // Standard errors of distance and angle, to first order by the covariance of the adjusted rig.
+  double camera_distance_error_m = 0, triangulation_angle_error_rad = 0;
   // Covariance of camera rotation, position, sheet tilts and offset, focal length and principal
   // point: the 12 x 12 of Calibration.covariance in proto/sightline/v1/uncertainty.proto. Points on
   // the laser plane have the covariance of the calibrated camera and plane, except for distortion,

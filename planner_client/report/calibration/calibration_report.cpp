@@ -187,10 +187,14 @@ ReportBlocks ScannerBlocks(const CalibrationResult& result) {
   adjusted("laser plane, normal over distance, x", kPlaneX, 3, "1/m");
   adjusted("laser plane, normal over distance, y", kPlaneY, 3, "1/m");
   adjusted("laser plane, normal over distance, z", kPlaneZ, 3, "1/m");
-  computed("camera to laser plane along the axis", 1e3 * result.planning.camera_distance_m, 1,
-           "mm");
-  computed("triangulation angle", kDegreesPerRadian * result.planning.triangulation_angle_rad, 2,
-           "\u00b0");
+  const PlanningRig& planning = result.planning;
+  rows.push_back({TextCell("camera to laser plane along the axis"),
+                  FixedCell(1e3 * planning.camera_distance_m, 1),
+                  FixedCell(1e3 * planning.camera_distance_error_m, 2), TextCell("mm")});
+  rows.push_back({TextCell("triangulation angle"),
+                  FixedCell(kDegreesPerRadian * planning.triangulation_angle_rad, 2),
+                  FixedCell(kDegreesPerRadian * planning.triangulation_angle_error_rad, 3),
+                  TextCell("\u00b0")});
   if (result.hand_eye) {
     const Eigen::VectorXd& six = result.hand_eye->camera_in_flange;
     computed("camera in the flange, x", 1e3 * six[3], 2, "mm");

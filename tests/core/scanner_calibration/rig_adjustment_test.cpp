@@ -163,5 +163,37 @@ TEST(PlanningRig, PointsHaveTheCovarianceOfTheCalibration) {
   EXPECT_EQ(described->covariance.rows(), 12);
 }
 
+// Against scanners that are adjusted to other frames each: the errors are of other seeds.
+TEST(PlanningRig, DistanceAndAngleScatterByTheirStandardErrors) {
+  const SyntheticScanner truth = MakeSyntheticScanner(10, {}, 1);
+  AdjustedRig exact;
+  exact.shared = truth.shared;
+  exact.covariance = Eigen::MatrixXd::Zero(kSharedParameters, kSharedParameters);
+  const auto nominal = DescribeForPlanning(exact, 1280, 1024);
+  ASSERT_TRUE(nominal.ok()) << nominal.status();
+  constexpr int kSeeds = 12;
+  double distance = 0, angle = 0;
+  for (int seed = 1; seed <= kSeeds; ++seed) {
+    const SyntheticScanner scanner = MakeSyntheticScanner(10, {}, 20 + seed);
+    const auto rig = AdjustRig(scanner.board, scanner.frames, scanner.open, TargetShape::kFlat);
+    ASSERT_TRUE(rig.ok()) << rig.status();
+    const auto described = DescribeForPlanning(*rig, 1280, 1024);
+    ASSERT_TRUE(described.ok()) << described.status();
+    const auto square = [](double off, double error) { return off * off / (error * error); };
+    distance += square(described->camera_distance_m - nominal->camera_distance_m,
+                       described->camera_distance_error_m) /
+                kSeeds;
+    angle += square(described->triangulation_angle_rad - nominal->triangulation_angle_rad,
+                    described->triangulation_angle_error_rad) /
+             kSeeds;
+  }
+  // Mean of 12 chi^2 of one degree of freedom: 99.9 % of such means lie within these limits; the
+  // covariance by ten frames adds to the scatter.
+  EXPECT_GT(distance, 0.15);
+  EXPECT_LT(distance, 3.5);
+  EXPECT_GT(angle, 0.15);
+  EXPECT_LT(angle, 3.5);
+}
+
 }  // namespace
 }  // namespace sightline
