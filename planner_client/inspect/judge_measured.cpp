@@ -191,51 +191,50 @@ void JudgeBoundFeature(const MeasuredState& state, const TolerancedFeature& tole
   message.mutable_because()->append(AssociationText(state.requirements, toleranced));
 }
 
-// Lowers the entries of an undecided feature's targets to the uncertainty with which it may be
-// decided (JudgedInspection::needed_uncertainty_m); 0 stands for entries that are not set.
-void AddNeeded(const MeasuredState& state, const TolerancedFeature& feature,
-               const std::vector<uint32_t>& targets, std::vector<float>* needed_m) {
+// Uncertainties with which an undecided feature may be decided (JudgedInspection::needed).
+std::vector<NeededUncertainty> NeededUncertainties(const MeasuredState& state,
+                                                   const TolerancedFeature& feature,
+                                                   const std::vector<uint32_t>& targets) {
   const DecisionRule& rule = state.requirements.rule;
   const bool profile =
       feature.kind == ToleranceKind::kSurfaceProfile || feature.kind == ToleranceKind::kLineProfile;
   const int64_t largest_of = profile ? std::max<int64_t>(1, std::ssize(targets)) : 1;
   const bool has_zone = feature.zone_width_m > 0;
-  const double provable_m = has_zone ? ProvableUncertainty(feature.zone_width_m, rule, largest_of)
-                                     : state.requirements.relaxed_uncertainty_m;
+  const auto provable_m =
+      static_cast<float>(has_zone ? ProvableUncertainty(feature.zone_width_m, rule, largest_of)
+                                  : state.requirements.relaxed_uncertainty_m);
   const double least_known_m = has_zone ? AdmissibleUncertainty(feature.zone_width_m, rule)
                                         : std::numeric_limits<double>::infinity();
-  const auto lower = [&](uint32_t t, double value_m) {
-    float& entry = (*needed_m)[t];
-    entry = entry > 0 ? std::min(entry, static_cast<float>(value_m)) : static_cast<float>(value_m);
-  };
-  std::vector<uint32_t> known;
+  std::vector<NeededUncertainty> needed;
+  std::vector<size_t> known;  // indices into `needed`
   std::vector<double> uncertainties_m;
   for (const uint32_t t : targets) {
+    needed.push_back({state.surface.targets.positions_m[t], provable_m});
     const double u_m = state.knowledge.uncertainty[t].total_m;
-    if (state.knowledge.points[t] > 0 && u_m <= least_known_m) {
-      known.push_back(t);
-      uncertainties_m.push_back(u_m);
-    } else {
-      lower(t, provable_m);
-    }
+    if (state.knowledge.points[t] == 0 || u_m > least_known_m) continue;
+    known.push_back(needed.size() - 1);
+    uncertainties_m.push_back(u_m);
   }
-  if (known.empty()) return;
   if (static_cast<double>(known.size()) <
       ConformanceOptions{}.required_share * static_cast<double>(targets.size())) {
-    for (const uint32_t t : known) lower(t, provable_m);
-    return;
+    return needed;
   }
   bool held_back = false;
-  for (size_t i = 0; i < known.size() && profile && has_zone; ++i) {
-    const double deviation_m = std::abs(state.surface.estimates[known[i]].mean_m);
+  for (size_t i = 0; i < known.size(); ++i) {
+    NeededUncertainty& entry = needed[known[i]];
+    entry.uncertainty_m = 0;
+    if (!profile || !has_zone) continue;
+    const double deviation_m = std::abs(state.surface.estimates[targets[known[i]]].mean_m);
     const double room_m = std::abs(0.5 * feature.zone_width_m - deviation_m);
     if (room_m >= rule.guard_factor * uncertainties_m[i]) continue;
     held_back = true;
-    lower(known[i], std::max(room_m / rule.guard_factor, 0.5 * uncertainties_m[i]));
+    entry.uncertainty_m =
+        static_cast<float>(std::max(room_m / rule.guard_factor, 0.5 * uncertainties_m[i]));
   }
-  if (held_back) return;
-  const double half_m = 0.5 * UpperMedian(uncertainties_m);
-  for (const uint32_t t : known) lower(t, std::min(provable_m, half_m));
+  if (held_back || known.empty()) return needed;
+  const float half_m = std::min(provable_m, static_cast<float>(0.5 * UpperMedian(uncertainties_m)));
+  for (const size_t i : known) needed[i].uncertainty_m = half_m;
+  return needed;
 }
 
 v1::InspectedFeature Describe(const std::string& id, const std::string& name, ToleranceKind kind,
@@ -251,7 +250,7 @@ v1::InspectedFeature Describe(const std::string& id, const std::string& name, To
 
 v1::InspectedFeature JudgeToleranced(const MeasuredState& state,
                                      const TolerancedFeature& toleranced,
-                                     std::vector<float>* needed_m) {
+                                     std::vector<NeededUncertainty>* needed) {
   v1::InspectedFeature message = Describe(toleranced.id, toleranced.name, toleranced.kind,
                                           toleranced.text, toleranced.zone_width_m);
   const std::vector<uint32_t> all = state.requirements.TargetsOf(toleranced, state.surface.targets);
@@ -277,7 +276,7 @@ v1::InspectedFeature JudgeToleranced(const MeasuredState& state,
     JudgeBoundFeature(state, toleranced, *bound, options, message);
   }
   if (message.decision() == v1::InspectedFeature::UNDECIDED) {
-    AddNeeded(state, toleranced, all, needed_m);
+    *needed = NeededUncertainties(state, toleranced, all);
   }
   return message;
 }
@@ -319,14 +318,13 @@ JudgedInspection JudgeMeasured(const Inspection& inspection, const Requirements&
                                             state.knowledge, placed.uncertainty->registration);
   }
   JudgedInspection judged;
-  judged.needed_uncertainty_m.assign(surface.targets.size(), 0);
   v1::InspectionResult& result = judged.result;
   result.set_expansion_factor(kExpansion);
   result.set_guard_factor(requirements.rule.guard_factor);
   *result.mutable_as_measured() = part.message;
   DescribeScans(part, result);
   for (const TolerancedFeature& feature : requirements.features) {
-    *result.add_features() = JudgeToleranced(state, feature, &judged.needed_uncertainty_m);
+    *result.add_features() = JudgeToleranced(state, feature, &judged.needed.emplace_back());
   }
   for (const UnboundTolerance& unbound : requirements.unbound) {
     const Tolerance& t = unbound.tolerance;

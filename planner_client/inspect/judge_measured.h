@@ -6,6 +6,7 @@
 //   JudgedInspection judged = JudgeMeasured(inspection, requirements, part, scans, *surface);
 #pragma once
 
+#include <Eigen/Core>
 #include <span>
 #include <vector>
 
@@ -17,19 +18,26 @@
 
 namespace sightline {
 
+// What a target of a feature has to be known to.
+struct NeededUncertainty {
+  Eigen::Vector3f position_m;  // CAD coordinates
+  float uncertainty_m = 0;     // 0: it is known well enough
+};
+
 struct JudgedInspection {
   // Without version and next_scan.
   v1::InspectionResult result;
-  // For every target of the surface, the uncertainty [m] with which the undecided features that it
-  // belongs to may be decided; 0 if there are none. With s the width of the zone and g the guard
-  // factor:
+  // For every feature of the requirements, the uncertainties at its targets with which it may be
+  // decided; empty if it is decided or cannot be evaluated. With s the width of the zone and g the
+  // guard factor:
   // - a target that is not known well enough: the uncertainty with which a good part is accepted
   //   as often as not (ProvableUncertainty);
   // - a known target of a profile with the deviation d: |s/2 - |d|| / g, with which its guard band
-  //   ends where its deviation is now, but not less than half of the present uncertainty;
+  //   ends where its deviation is now, but not less than half of the present uncertainty; 0 if it
+  //   has this uncertainty already;
   // - a known target of another feature, or of a profile that no single target holds back: half of
   //   the median of the feature's known targets.
-  std::vector<float> needed_uncertainty_m;
+  std::vector<std::vector<NeededUncertainty>> needed;
 };
 
 // `inspection` is that of the model; its uncertainty must be set. `scans` are those of the plan

@@ -5,8 +5,8 @@
 #include <utility>
 #include <vector>
 
-#include "absl/strings/str_cat.h"
 #include "core/inspection/inspection.h"
+#include "core/part/point_index.h"
 #include "core/status/status_macros.h"
 #include "planner_client/command_line/process/interrupt.h"
 #include "planner_client/command_line/process/progress_line.h"
@@ -18,6 +18,25 @@ namespace sightline {
 namespace {
 
 constexpr ProgressPhase kSearchPhase{kOpenSessionPhase.end, 1};
+
+// Uncertainty to which every target has to be known [m]; 0 for targets that need no scan. The
+// server samples the part as measured, with its deviations, so that its targets are not those of
+// the verdict: each takes the value of the nearest one of the same feature.
+std::vector<float> NeededAt(const TargetSet& targets, const Requirements& requirements,
+                            const JudgedInspection& judged) {
+  std::vector<float> needed_m(targets.size(), 0);
+  for (size_t f = 0; f < requirements.features.size(); ++f) {
+    if (judged.needed[f].empty()) continue;
+    std::vector<Eigen::Vector3f> places;
+    for (const NeededUncertainty& place : judged.needed[f]) places.push_back(place.position_m);
+    const PointIndex<3> index(std::move(places));
+    for (const uint32_t t : requirements.TargetsOf(requirements.features[f], targets)) {
+      const float value_m = judged.needed[f][index.Nearest(targets.positions_m[t])].uncertainty_m;
+      if (value_m > 0) needed_m[t] = needed_m[t] > 0 ? std::min(needed_m[t], value_m) : value_m;
+    }
+  }
+  return needed_m;
+}
 
 PlannerRequest RequestOf(const PlanningSession& session, const EarlierPlan& earlier,
                          const NextScanQuestion& question) {
@@ -56,13 +75,9 @@ absl::StatusOr<std::optional<v1::NextScan>> FindNextScan(const NextScanQuestion&
   CoverageClient& client = *session.client;
   const Inspection& inspection = session.inspection;
   const double relaxed_m = session.requirements->relaxed_uncertainty_m;
-  if (client.targets().size() != judged.needed_uncertainty_m.size()) {
-    return absl::InternalError(absl::StrCat("the server has ", client.targets().size(),
-                                            " targets of the part, the verdict ",
-                                            judged.needed_uncertainty_m.size()));
-  }
-  const TolerancedTargets needed = FindTolerancedTargets(
-      client, *inspection.uncertainty, inspection.targets, judged.needed_uncertainty_m, relaxed_m);
+  const TolerancedTargets needed =
+      FindTolerancedTargets(client, *inspection.uncertainty, inspection.targets,
+                            NeededAt(client.targets(), *session.requirements, judged), relaxed_m);
   if (needed.bits.Count() == 0) return std::nullopt;
   auto simulated = std::make_unique<UncertaintyGainModel>(
       UncertaintyGainModel::Sampling{&client, needed}, UncertaintyGainModel::Sampling{nullptr, {}},

@@ -23,7 +23,7 @@ struct NextScanQuestion {
 };
 
 // Plans one scan more on the part as it was found, for the targets of undecided features alone.
-// Each of these is to be known to JudgedInspection::needed_uncertainty_m. Unset: no scan of the rig
+// Each of these is to be known to JudgedInspection::needed. Unset: no scan of the rig
 // adds anything, or no target of these features can be measured. Errors of OpenSession are passed
 // on.
 absl::StatusOr<std::optional<v1::NextScan>> FindNextScan(const NextScanQuestion& question,

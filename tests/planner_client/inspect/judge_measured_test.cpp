@@ -25,6 +25,12 @@ namespace {
 
 using Decision = v1::InspectedFeature;
 
+// Targets of a feature that have to be known better.
+int64_t NeededCount(const JudgedInspection& judged, size_t feature) {
+  return std::count_if(judged.needed[feature].begin(), judged.needed[feature].end(),
+                       [](const NeededUncertainty& needed) { return needed.uncertainty_m > 0; });
+}
+
 class JudgeMeasuredTest : public testing::Test {
  protected:
   JudgeMeasuredTest()
@@ -108,7 +114,7 @@ TEST_F(JudgeMeasuredTest, AGoodPartConforms) {
     EXPECT_GT(feature.expanded_uncertainty_m(), 0);
     EXPECT_EQ(feature.measured_targets(), feature.targets());
   }
-  EXPECT_THAT(judged.needed_uncertainty_m, testing::Each(0));
+  EXPECT_THAT(judged.needed, testing::Each(testing::IsEmpty()));
   ASSERT_EQ(judged.result.scans_size(), 1);
   EXPECT_EQ(judged.result.scans(0).name(), "scan_01.ply");
   EXPECT_GT(judged.result.scans(0).registration_rms_m(), 0);
@@ -142,9 +148,8 @@ TEST_F(JudgeMeasuredTest, WhatIsNotMeasuredStaysUndecided) {
   EXPECT_EQ(half.decision(), Decision::UNDECIDED) << half.because();
   EXPECT_LT(half.measured_targets(), half.targets());
   EXPECT_GT(half.targets(), 0);
-  EXPECT_EQ(std::count_if(judged.needed_uncertainty_m.begin(), judged.needed_uncertainty_m.end(),
-                          [](float needed_m) { return needed_m > 0; }),
-            half.targets());
+  EXPECT_EQ(NeededCount(judged, 0), half.targets());
+  EXPECT_THAT(judged.needed[1], testing::IsEmpty());
 }
 
 // A dent that ends just within the zone of 0.4 mm: only the targets in it need more, and the nearer
@@ -159,9 +164,7 @@ TEST_F(JudgeMeasuredTest, TheTargetsThatHoldAProfileBackNeedMore) {
       All));
   const v1::InspectedFeature& dented = judged.result.features(0);
   ASSERT_EQ(dented.decision(), Decision::UNDECIDED) << dented.because();
-  const auto needed =
-      std::count_if(judged.needed_uncertainty_m.begin(), judged.needed_uncertainty_m.end(),
-                    [](float needed_m) { return needed_m > 0; });
+  const int64_t needed = NeededCount(judged, 0);
   EXPECT_GT(needed, 0);
   EXPECT_LT(needed, dented.targets() / 2);
 }
