@@ -18,7 +18,7 @@
 
 namespace sightline {
 
-// What a target of a feature has to be known to.
+// Uncertainty to which a target of a feature has to be known.
 struct NeededUncertainty {
   Eigen::Vector3f position_m;  // CAD coordinates
   float uncertainty_m = 0;     // 0: it is known well enough
