@@ -12,8 +12,8 @@ CalibrationVerdict VerdictOf(const ScatterRatio& ratio, int frames) {
       !std::isfinite(ratio.high)) {
     return CalibrationVerdict::kNotDecided;
   }
-  if (ratio.low > kLargestPermittedRatio) return CalibrationVerdict::kTooLarge;
-  if (ratio.high < kLeastPermittedRatio) return CalibrationVerdict::kTooSmall;
+  if (ratio.low > kLargestPermittedRatio) return CalibrationVerdict::kRealErrorsLarger;
+  if (ratio.high < kLeastPermittedRatio) return CalibrationVerdict::kRealErrorsSmaller;
   const bool permitted =
       ratio.value >= kLeastPermittedRatio && ratio.value <= kLargestPermittedRatio;
   const bool narrow =
@@ -25,9 +25,9 @@ const char* NameOf(CalibrationVerdict verdict) {
   switch (verdict) {
     case CalibrationVerdict::kAgrees:
       return "AGREES";
-    case CalibrationVerdict::kTooLarge:
+    case CalibrationVerdict::kRealErrorsLarger:
       return "REAL_ERRORS_LARGER";
-    case CalibrationVerdict::kTooSmall:
+    case CalibrationVerdict::kRealErrorsSmaller:
       return "REAL_ERRORS_SMALLER";
     case CalibrationVerdict::kNotDecided:
       break;
@@ -43,13 +43,13 @@ std::string VerdictText(const ScatterRatio& ratio, int frames) {
           "permitted "
           "%.1f to %.1f. Plans can rely on the predicted uncertainty.",
           ratio.value, kLeastPermittedRatio, kLargestPermittedRatio);
-    case CalibrationVerdict::kTooLarge:
+    case CalibrationVerdict::kRealErrorsLarger:
       return absl::StrFormat(
           "The geometry does not agree: real errors are %.2f times the predicted ones, at least "
           "%.2f times. Plans would promise too much. Look at the frames with remarks and at the "
           "plots along the line before this description is used.",
           ratio.value, ratio.low);
-    case CalibrationVerdict::kTooSmall:
+    case CalibrationVerdict::kRealErrorsSmaller:
       return absl::StrFormat(
           "The geometry does not agree: real errors are only %.2f times the predicted ones, at "
           "most "

@@ -10,10 +10,10 @@
 namespace sightline {
 
 enum class CalibrationVerdict {
-  kAgrees,      // plans may rely on the predicted uncertainty
-  kTooLarge,    // real errors are larger than predicted
-  kTooSmall,    // real errors are smaller than predicted
-  kNotDecided,  // more frames are needed
+  kAgrees,             // plans may rely on the predicted uncertainty
+  kRealErrorsLarger,   // real errors are larger than predicted
+  kRealErrorsSmaller,  // real errors are smaller than predicted
+  kNotDecided,         // more frames are needed
 };
 
 // Permitted ratios: a standard uncertainty from some ten frames is itself uncertain by a quarter
@@ -28,8 +28,8 @@ inline constexpr int kFewestFramesForVerdict = 8;
 inline constexpr double kFarOffRatio = 2;
 
 // `frames`: used frames. kAgrees: kLeastPermittedRatio <= value <= kLargestPermittedRatio, and the
-// interval stays within half of the least and twice the largest permitted ratio. kTooLarge or
-// kTooSmall: the whole interval lies beyond a permitted ratio. Fewer frames than
+// interval stays within half of the least and twice the largest permitted ratio. kRealErrorsLarger
+// or kRealErrorsSmaller: the whole interval lies beyond a permitted ratio. Fewer frames than
 // kFewestFramesForVerdict, a ratio of 0, or one that is not finite, decide nothing.
 CalibrationVerdict VerdictOf(const ScatterRatio& ratio, int frames);
 

@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "core/image/read_raw_image.h"
+#include "core/scanner_calibration/repeated_views.h"
 #include "core/statistics/order_statistics.h"
 #include "core/status/status_macros.h"
 #include "planner_client/calibration/target_corners.h"
@@ -30,9 +31,6 @@ constexpr double kBetterPrediction = 0.9;
 constexpr double kOtherReference = 5;
 // Light is measured from this distance from the line on: nearer, it is the line itself.
 constexpr double kBesideLine_m = 0.002;
-// Corners of two views that differ by less than this are of the same view: some ten times the error
-// of a corner.
-constexpr double kSameView_px = 3;
 // A principal point farther from the image's middle than this part of its size is unusual.
 constexpr double kOffCentre = 0.1;
 
@@ -112,26 +110,17 @@ CameraPrior ChooseCamera(const CalibrationSet& set, const FoundTargets& found,
   return EstimatedCamera(found);
 }
 
-// Frames that show the target in the same place as an earlier one say nothing new. Each would be
-// predicted from its own copy when it is left out, and the ratio would be that of repeated frames.
 void LeaveOutRepeated(const std::vector<CalibrationFrameResult>& frames, FoundTargets* found) {
-  for (size_t i = 0; i < found->frames.size(); ++i) {
-    FoundTargets::Frame& frame = found->frames[i];
-    for (size_t k = 0; k < i && frame.because.empty(); ++k) {
-      const FoundTargets::Frame& earlier = found->frames[k];
-      if (!earlier.because.empty() || earlier.corners_px.size() != frame.corners_px.size())
-        continue;
-      double sum = 0;
-      for (size_t c = 0; c < frame.corners_px.size(); ++c) {
-        sum += (frame.corners_px[c] - earlier.corners_px[c]).squaredNorm();
-      }
-      const double rms_px =
-          std::sqrt(sum / std::max<double>(1, static_cast<double>(frame.corners_px.size())));
-      if (rms_px > kSameView_px) continue;
-      frame.because = absl::StrFormat(
-          "it shows the target in the same place as %s (corners %.2f px apart): a view counts once",
-          frames[k].name, rms_px);
-    }
+  std::vector<std::vector<Eigen::Vector2d>> corners_px;
+  for (const FoundTargets::Frame& frame : found->frames) {
+    corners_px.push_back(frame.because.empty() ? frame.corners_px : std::vector<Eigen::Vector2d>());
+  }
+  const auto repeated = FindRepeatedViews(corners_px);
+  for (size_t i = 0; i < repeated.size(); ++i) {
+    if (!repeated[i]) continue;
+    found->frames[i].because = absl::StrFormat(
+        "it shows the target in the same place as %s (corners %.2f px apart): a view counts once",
+        frames[repeated[i]->of].name, repeated[i]->corners_rms_px);
   }
 }
 

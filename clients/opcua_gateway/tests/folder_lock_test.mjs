@@ -19,6 +19,19 @@ test('one owner at a time, and the next one after it', async () => {
   (await lockFolder(work)).close();
 });
 
+test('of several at once, one gets the lock', async () => {
+  const folder = path.join(work, 'crowd');
+  mkdirSync(folder);
+  const locks = (await Promise.allSettled(Array.from({length: 5}, () => lockFolder(folder))))
+      .filter(({status}) => status === 'fulfilled').map(({value}) => value);
+  assert.equal(locks.length, 1);
+  locks[0].close();
+});
+
+test('a folder that does not exist', async () => {
+  await assert.rejects(lockFolder(path.join(work, 'nowhere')), /cannot be locked: .*nowhere/);
+});
+
 test('a folder with a long name', async () => {
   const folder = path.join(work, 'n'.repeat(200));
   mkdirSync(folder);

@@ -5,6 +5,8 @@
 #include <utility>
 #include <vector>
 
+#include "absl/status/status.h"
+#include "absl/strings/str_cat.h"
 #include "core/inspection/inspection.h"
 #include "core/part/point_index.h"
 #include "core/status/status_macros.h"
@@ -75,6 +77,10 @@ absl::StatusOr<std::optional<v1::NextScan>> FindNextScan(const NextScanQuestion&
   CoverageClient& client = *session.client;
   const Inspection& inspection = session.inspection;
   const double relaxed_m = session.requirements->relaxed_uncertainty_m;
+  if (session.requirements->features.size() != judged.needed.size()) {
+    return absl::AbortedError(absl::StrCat(
+        question.inspection_file, ": its tolerances have changed while it was read; start again"));
+  }
   const TolerancedTargets needed =
       FindTolerancedTargets(client, *inspection.uncertainty, inspection.targets,
                             NeededAt(client.targets(), *session.requirements, judged), relaxed_m);

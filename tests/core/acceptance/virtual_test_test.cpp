@@ -14,31 +14,14 @@
 #include "core/physics/angle.h"
 #include "core/random/counter_random.h"
 #include "core/statistics/normal_distribution.h"
+#include "tests/core/acceptance/artefact_setting.h"
 
 namespace sightline {
 namespace {
 
 using Eigen::Vector3d;
 
-struct Setting {
-  Rig rig;
-  ScanGeometry geometry;
-  SightLimits limits;
-};
-
-Setting MakeSetting() {
-  Setting s;
-  s.rig.camera.columns_px = 640;
-  s.rig.camera.rows_px = 512;
-  s.rig.camera.vertical_fov_rad = 19 * kRadPerDeg;
-  Measurement place;
-  place.camera_distance_m = 0.4;
-  place.triangulation_angle_rad = 30 * kRadPerDeg;
-  place.camera_polar_rad = 15 * kRadPerDeg;
-  s.geometry = MakeScanGeometry(s.rig, place);
-  s.limits.most_points = 1000;
-  return s;
-}
+ArtefactSetting MakeSetting() { return MakeArtefactSetting(15 * kRadPerDeg, 1000); }
 
 UncertaintyModel ModelOf(const TriangulationStandardDeviations& deviations, double detection_px) {
   UncertaintyModel model;
@@ -48,7 +31,7 @@ UncertaintyModel ModelOf(const TriangulationStandardDeviations& deviations, doub
   return model;
 }
 
-std::vector<Artefact> AllArtefacts(const Setting& s) {
+std::vector<Artefact> AllArtefacts(const ArtefactSetting& s) {
   std::vector<Artefact> all = {MakeSphere(s.geometry, 0.03), MakePlate(0.08),
                                MakeRing(s.geometry, 0.04), MakeHolePattern(s.geometry, 0.05, 0.03)};
   for (Artefact& bar : MakeBallBars(s.geometry, 0.08, 0.025)) all.push_back(std::move(bar));
@@ -56,7 +39,7 @@ std::vector<Artefact> AllArtefacts(const Setting& s) {
 }
 
 TEST(ArtefactScan, HasPointsOnTheSurfaceWhereTheSheetMeetsIt) {
-  const Setting s = MakeSetting();
+  const ArtefactSetting s = MakeSetting();
   for (const Artefact& artefact : AllArtefacts(s)) {
     const ArtefactScan scan = ScanArtefact(s.rig, s.geometry, artefact, s.limits);
     ASSERT_GT(scan.points.size(), 300U) << artefact.name;
@@ -72,7 +55,7 @@ TEST(ArtefactScan, HasPointsOnTheSurfaceWhereTheSheetMeetsIt) {
 }
 
 TEST(ArtefactScan, SeesNoWallBehindTheRimOfABore) {
-  const Setting s = MakeSetting();
+  const ArtefactSetting s = MakeSetting();
   const Artefact ring = MakeRing(s.geometry, 0.04);
   const ArtefactSurface& bore = ring.surfaces.front();
   const Vector3d middle = bore.reference_m;  // of the wall that faces the sensors
@@ -83,7 +66,7 @@ TEST(ArtefactScan, SeesNoWallBehindTheRimOfABore) {
 }
 
 TEST(SimulateTests, MeasuresExactlyWithoutErrors) {
-  const Setting s = MakeSetting();
+  const ArtefactSetting s = MakeSetting();
   for (const Artefact& artefact : AllArtefacts(s)) {
     const ArtefactScan scan = ScanArtefact(s.rig, s.geometry, artefact, s.limits);
     const SimulatedErrors errors =
@@ -97,7 +80,7 @@ TEST(SimulateTests, MeasuresExactlyWithoutErrors) {
 
 // The 95 % quantile of 150 normal errors has a relative standard error of 8 %.
 TEST(SimulateTests, AgreesWithThePrediction) {
-  const Setting s = MakeSetting();
+  const ArtefactSetting s = MakeSetting();
   const UncertaintyModel model = ModelOf({.camera_rotation_rad = 4e-5,
                                           .camera_position_m = 1e-5,
                                           .laser_tilt_rad = 4e-5,
@@ -120,7 +103,7 @@ TEST(SimulateTests, AgreesWithThePrediction) {
 // Joining the set-ups takes off a displacement of all bores alike, such as by a shift of the
 // sensors, but no growth of their distance.
 TEST(HolePattern, JoiningTakesOffWhatAllBoresShare) {
-  const Setting s = MakeSetting();
+  const ArtefactSetting s = MakeSetting();
   const Artefact pattern = MakeHolePattern(s.geometry, 0.05, 0.03);
   const Vector3d across =
       (pattern.surfaces[2].nominal.point_m - pattern.surfaces[0].nominal.point_m);
@@ -145,7 +128,7 @@ TEST(HolePattern, JoiningTakesOffWhatAllBoresShare) {
 
 // A wrong focal length scales lengths along the line: dL = L df / f.
 TEST(PredictTests, ScalesABallBarWithTheFocalLength) {
-  const Setting s = MakeSetting();
+  const ArtefactSetting s = MakeSetting();
   constexpr double kLength_m = 0.08, kError_px = 1;
   const Artefact bar = MakeBallBars(s.geometry, kLength_m, 0.02)[0];
   const ArtefactScan scan = ScanArtefact(s.rig, s.geometry, bar, s.limits);
@@ -157,8 +140,8 @@ TEST(PredictTests, ScalesABallBarWithTheFocalLength) {
 
 // Rendered lines of independent errors about the systematic one, which is the shift of the line on
 // a curved surface. Every other column is of another colour. Every `step`-th frame is rendered.
-LineDeviations RenderedLines(const Setting& s, const Artefact& artefact, int step, int realisations,
-                             double random_px) {
+LineDeviations RenderedLines(const ArtefactSetting& s, const Artefact& artefact, int step,
+                             int realisations, double random_px) {
   SightLimits all = s.limits;
   all.most_points = std::numeric_limits<int>::max();
   const ArtefactScan scan = ScanArtefact(s.rig, s.geometry, artefact, all);
@@ -198,7 +181,7 @@ LineDeviations RenderedLines(const Setting& s, const Artefact& artefact, int ste
 // as wide as that of a projector, whose shift is a known systematic error. The variance of the
 // tests is that of about a hundred lines, which is known to 14 %: 93 to 97 % of the tests.
 TEST(PredictTests, CoversTestsOfFewRenderedLines) {
-  Setting s = MakeSetting();
+  ArtefactSetting s = MakeSetting();
   s.rig.laser.divergence_rad = 0.24e-3;
   constexpr double kRandom_px = 0.3;
   const UncertaintyModel model = ModelOf({.focal_length_px = 0}, kRandom_px);
@@ -224,7 +207,7 @@ TEST(PredictTests, CoversTestsOfFewRenderedLines) {
 
 // Two lines with a common random error of 0.3 px would move the mean of all tests without signs.
 TEST(SimulateTests, AreRightOnAverageForAnyRenderedLines) {
-  const Setting s = MakeSetting();
+  const ArtefactSetting s = MakeSetting();
   const Artefact sphere = MakeSphere(s.geometry, 0.03);
   const ArtefactScan scan = ScanArtefact(s.rig, s.geometry, sphere, s.limits);
   const LineDeviations::Realisation systematic{std::vector<float>(2000, 0.1F)};
@@ -245,7 +228,7 @@ TEST(SimulateTests, AreRightOnAverageForAnyRenderedLines) {
 // Random errors along the line of sight make a fitted sphere too small on average, although each
 // has the mean 0.
 TEST(PredictTests, ContainsTheBiasOfLeastSquaresByNoise) {
-  const Setting s = MakeSetting();
+  const ArtefactSetting s = MakeSetting();
   constexpr int kRuns = 600;
   const UncertaintyModel model = ModelOf({.focal_length_px = 0}, 1);
   for (const Artefact& artefact : {MakeSphere(s.geometry, 0.03), MakeRing(s.geometry, 0.04)}) {
@@ -302,7 +285,7 @@ TEST(ThinColumns, KeepsColumnsEvenly) {
 
 // Independent noise along the normals: half of a range that holds 95 % is 1.96 standard deviations.
 TEST(PredictTests, FindsTheFormErrorOfNoise) {
-  const Setting s = MakeSetting();
+  const ArtefactSetting s = MakeSetting();
   const Artefact plate = MakePlate(0.08);
   const ArtefactScan scan = ScanArtefact(s.rig, s.geometry, plate, s.limits);
   const auto predicted =
@@ -335,7 +318,7 @@ TEST(LineDeviations, AreThoseOfTheNearestFrame) {
 
 // A deviation of the line that is the same everywhere moves a plate and leaves it flat.
 TEST(SimulateTests, TakesTheDeviationsOfImages) {
-  const Setting s = MakeSetting();
+  const ArtefactSetting s = MakeSetting();
   const Artefact plate = MakePlate(0.05);
   const ArtefactScan scan = ScanArtefact(s.rig, s.geometry, plate, s.limits);
   const LineDeviations shift({{0, 0, {{0.5F, 0.5F}}, {{{0.5F, 0.5F}}}}}, true);

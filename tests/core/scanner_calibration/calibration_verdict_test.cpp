@@ -15,9 +15,9 @@ TEST(CalibrationVerdictTest, AgreesOnlyWhereTheIntervalIsNarrowEnough) {
 }
 
 TEST(CalibrationVerdictTest, DisagreesOnlyWhereTheWholeIntervalLiesBeyondAPermittedRatio) {
-  EXPECT_EQ(VerdictOf({2.0, 1.5, 2.5}, 12), CalibrationVerdict::kTooLarge);
+  EXPECT_EQ(VerdictOf({2.0, 1.5, 2.5}, 12), CalibrationVerdict::kRealErrorsLarger);
   EXPECT_EQ(VerdictOf({2.0, 1.3, 2.5}, 12), CalibrationVerdict::kNotDecided);
-  EXPECT_EQ(VerdictOf({0.5, 0.4, 0.6}, 12), CalibrationVerdict::kTooSmall);
+  EXPECT_EQ(VerdictOf({0.5, 0.4, 0.6}, 12), CalibrationVerdict::kRealErrorsSmaller);
   EXPECT_EQ(VerdictOf({0.5, 0.4, 0.8}, 12), CalibrationVerdict::kNotDecided);
 }
 

@@ -16,6 +16,7 @@
 #include "core/association/surface_curvature.h"
 #include "core/laser_line/profile_centre.h"
 #include "core/physics/angle.h"
+#include "tests/core/acceptance/artefact_setting.h"
 
 namespace sightline {
 namespace {
@@ -23,23 +24,8 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-struct ShiftSetting {
-  Rig rig;
-  ScanGeometry geometry;
-  SightLimits limits;
-};
-
-ShiftSetting MakeShiftSetting() {
-  ShiftSetting s;
-  s.rig.camera.columns_px = 640;
-  s.rig.camera.rows_px = 512;
-  s.rig.camera.vertical_fov_rad = 19 * kRadPerDeg;
-  Measurement place;
-  place.camera_distance_m = 0.4;
-  place.triangulation_angle_rad = 30 * kRadPerDeg;
-  place.camera_polar_rad = 25 * kRadPerDeg;
-  s.geometry = MakeScanGeometry(s.rig, place);
-  s.limits.most_points = 200;
+ArtefactSetting MakeShiftSetting() {
+  ArtefactSetting s = MakeArtefactSetting(25 * kRadPerDeg, 200);
   s.limits.most_incidence_rad = 55 * kRadPerDeg;
   return s;
 }
@@ -68,7 +54,7 @@ struct MeanShifts {
 struct Comparison {
   MeanShifts predicted, integrated;
 };
-Comparison Compare(const ShiftSetting& s, const Artefact& artefact, double sheet_deviation_m) {
+Comparison Compare(const ArtefactSetting& s, const Artefact& artefact, double sheet_deviation_m) {
   constexpr double kStep_px = 0.05, kReach_px = 20;
   const ArtefactScan scan = ScanArtefact(s.rig, s.geometry, artefact, s.limits);
   EXPECT_GT(scan.points.size(), 100U);
@@ -107,7 +93,7 @@ Comparison Compare(const ShiftSetting& s, const Artefact& artefact, double sheet
 
 // The second order agrees with the integral within a tenth where the line is narrow.
 TEST(LineShift, IsThatOfTheIntegratedProfileOnASphere) {
-  const ShiftSetting s = MakeShiftSetting();
+  const ArtefactSetting s = MakeShiftSetting();
   const Comparison shifts = Compare(s, MakeSphere(s.geometry, 0.02), 150e-6);
   EXPECT_GT(std::abs(shifts.integrated.centre_of_gravity_px), 1e-3);
   EXPECT_NEAR(shifts.predicted.centre_of_gravity_px / shifts.integrated.centre_of_gravity_px, 1,
@@ -118,7 +104,7 @@ TEST(LineShift, IsThatOfTheIntegratedProfileOnASphere) {
 
 // It grows with the square of the width and the curvature.
 TEST(LineShift, GrowsWithTheSquareOfTheWidthAndWithTheCurvature) {
-  const ShiftSetting s = MakeShiftSetting();
+  const ArtefactSetting s = MakeShiftSetting();
   const double narrow_px =
       Compare(s, MakeSphere(s.geometry, 0.04), 100e-6).predicted.centre_of_gravity_px;
   const double wide_px =
@@ -130,7 +116,7 @@ TEST(LineShift, GrowsWithTheSquareOfTheWidthAndWithTheCurvature) {
 }
 
 TEST(LineShift, IsNextToNothingOnAPlane) {
-  const ShiftSetting s = MakeShiftSetting();
+  const ArtefactSetting s = MakeShiftSetting();
   const Comparison shifts = Compare(s, MakePlate(0.05), 150e-6);
   EXPECT_LT(std::abs(shifts.predicted.centre_of_gravity_px), 2e-3);
 }

@@ -1,61 +1,30 @@
 // SPDX-License-Identifier: Apache-2.0
 // One gateway at a time in a folder: a second one would rewrite the ledgers that the first one appends to.
 //
-// The lock is a Unix socket in the folder that its owner listens at. The kernel ends that when the process
-// dies in whatever way, and it counts for containers that share the folder on one machine.
-import {closeSync, openSync, rmSync, statSync} from 'node:fs';
-import net from 'node:net';
-import {setTimeout as sleep} from 'node:timers/promises';
+// The lock is one of the kernel (flock(2)), which also counts for containers that share the folder on one
+// machine. Node.js cannot take it, so that a child holds it, the program `flock` of util-linux. The child
+// ends, and with it the lock, when its standard input does: at the latest with this process, however it dies.
+import {spawn} from 'node:child_process';
+import path from 'node:path';
 
-const NAME = 'gateway.lock';
-// Two gateways that find the socket of a dead one at the same moment both make a new one. The later one wins;
-// the other one sees within this time that the file is not its own.
-const SETTLING_MS = 200;
+// How long a new gateway waits for the lock of one that has just died.
+const WAIT_S = 2;
 
-function isAnswered(address) {
-  return new Promise((resolve) => {
-    const socket = net.connect(address);
-    socket.once('connect', () => {
-      socket.destroy();
-      resolve(true);
-    });
-    socket.once('error', () => resolve(false));
-  });
-}
-
-function listen(address) {
-  return new Promise((resolve, reject) => {
-    const server = net.createServer((socket) => socket.destroy());
-    server.once('error', reject);
-    server.listen(address, () => resolve(server));
-    server.unref();
-  });
-}
-
-// Resolves to {close()}. Throws an Error where another gateway has the folder.
+// Resolves to {close()}. Throws an Error where another gateway has the folder, or where the lock cannot be taken.
 export async function lockFolder(folder) {
-  // Addresses of sockets have 107 bytes at most; this one is short wherever the folder is.
-  const descriptor = openSync(folder, 'r');
-  const address = `/proc/self/fd/${descriptor}/${NAME}`;
-  const taken = () => new Error(`${folder}: another gateway is running with this folder`);
-  try {
-    if (await isAnswered(address)) throw taken();
-    rmSync(address, {force: true});
-    const server = await listen(address).catch((error) => {
-      throw error.code === 'EADDRINUSE' ? taken() : error;
-    });
-    const {ino} = statSync(address);
-    await sleep(SETTLING_MS);
-    if (statSync(address, {throwIfNoEntry: false})?.ino !== ino) {
-      server.close();
-      throw taken();
-    }
-    return {close: () => {
-      server.close();
-      closeSync(descriptor);
-    }};
-  } catch (error) {
-    closeSync(descriptor);
-    throw error;
-  }
+  // Detached: a Ctrl-C reaches the gateway alone, which keeps the lock until it has ended.
+  const child = spawn('flock', ['-w', String(WAIT_S), path.join(folder, 'gateway.lock'), 'sh', '-c', 'echo held; cat > /dev/null'],
+      {stdio: ['pipe', 'pipe', 'pipe'], detached: true});
+  let trouble = '';
+  child.stderr.on('data', (text) => {
+    trouble += text;
+  });
+  await new Promise((resolve, reject) => {
+    child.stdout.once('data', resolve);
+    child.once('error', (error) => reject(new Error(`${folder}: cannot be locked: flock of util-linux: ${error.message}`)));
+    child.once('exit', () => reject(new Error(trouble ? `${folder}: cannot be locked: ${trouble.trim()}` :
+      `${folder}: another gateway is running with this folder`)));
+  });
+  for (const handle of [child, child.stdin, child.stdout, child.stderr]) handle.unref();
+  return {close: () => child.stdin.end()};
 }
