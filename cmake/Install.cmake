@@ -108,7 +108,7 @@ sightline_install_service(sightline-serve sightline-serve serve)
 sightline_install_service(sightline-coverage-server coverage_server coverage_server)
 sightline_install_service(sightline-render-worker render_worker render_worker)
 
-install(FILES README.md LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT client)
+install(FILES README.md SECURITY.md LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT client)
 install(DIRECTORY docs DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT client)
 install(DIRECTORY examples DESTINATION ${CMAKE_INSTALL_DATADIR}/sightline COMPONENT client
   PATTERN CMakeLists.txt EXCLUDE

@@ -44,6 +44,7 @@ class CheckLanguageTest(unittest.TestCase):
         long = "One " + "and one more " * 14 + "end.\n"
         self.assertEqual([(3, "long")], found("docs/a.md", "# A\n\n" + long))
         self.assertEqual([(1, "long")], found("README.md", "| short | " + long.strip() + " |\n"))
+        self.assertEqual([(1, "long")], found("SECURITY.md", long))
         self.assertEqual([], found("docs/a.md", "One and one more. " * 20))
         self.assertEqual([], found("docs/a.md", "```\n" + long + "```\n"))
         self.assertEqual([], found("docs/api/a.md", long))
