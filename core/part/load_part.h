@@ -31,7 +31,7 @@ std::vector<std::string> PartFormatsInMemory();
 // read as metres"), a part so far from the origin of its file (16 m) that 32-bit coordinates would
 // be off by more than 1 um, a file that is none (a pipe), a buffer of a glTF file outside its
 // folder, faces that take too long to cut into triangles, more JSON in a glTF
-// file than docs/limits.md allows. NOT_FOUND: no such file. `stop` ends the work early.
+// file than docs/errors-and-limits.md allows. NOT_FOUND: no such file. `stop` ends the work early.
 // `unit_advice` ends the message about an implausible size: the remedy, if it is not to state a
 // unit.
 absl::StatusOr<TriangleMesh> LoadPart(const std::string& path, const std::string& unit,

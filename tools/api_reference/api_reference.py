@@ -232,7 +232,7 @@ class Reference:
                  "Generated from the contract by `tools/api_reference/run`; do not edit. Files and "
                  "HTTP bodies are the JSON form of these messages with the names as they stand "
                  "here. How to use it: [from an MES](../from-an-mes.md), [from Python]"
-                 "(../clients.md#from-python); what errors mean: [errors](../errors.md).", "",
+                 "(../clients.md#from-python); what errors mean: [errors](../errors-and-limits.md).", "",
                  "| service | methods |", "|---|---|"]
         for source in self.sources:
             for service, _ in source.services():

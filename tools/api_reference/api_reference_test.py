@@ -128,18 +128,17 @@ class CheckReasonsTest(unittest.TestCase):
                 'return WithErrorInfo(Error(Text("NOT (ME")), \n  "FIRST_ONE", {{"x", "y"}});\n'
                 'Fail({StatusCode::kInternal, "SECOND_ONE", "text"});\n'
                 'constexpr char kReasonThird[] = "THIRD_ONE";\nDo("NO_REASON");\n')
-            (root / "docs" / "coverage-service.md").write_text("`FIRST_ONE`")
-            errors = root / "docs" / "errors.md"
-            errors.write_text("| `SECOND_ONE` | |\n| `OLD_ONE` | |\n")
+            page = root / "docs" / "errors-and-limits.md"
+            page.write_text("`FIRST_ONE`\n| `SECOND_ONE` | |\n| `OLD_ONE` | |\n")
 
             def check():
                 return subprocess.run([sys.executable, HERE / "check_reasons.py", root],
                                       stdout=subprocess.PIPE, text=True)
 
-            self.assertEqual((1, "core/a.cpp: THIRD_ONE is not in docs/errors.md\n"
-                                 "docs/errors.md: OLD_ONE is nowhere in the code\n"),
+            self.assertEqual((1, "core/a.cpp: THIRD_ONE is not in docs/errors-and-limits.md\n"
+                                 "docs/errors-and-limits.md: OLD_ONE is nowhere in the code\n"),
                              (check().returncode, check().stdout))
-            errors.write_text("| `SECOND_ONE`, `THIRD_ONE` | |\n")
+            page.write_text("`FIRST_ONE`\n| `SECOND_ONE`, `THIRD_ONE` | |\n")
             self.assertEqual(0, check().returncode)
 
 

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: Apache-2.0
-"""Says which reasons of errors in the code docs/errors.md and docs/coverage-service.md leave out,
-and which docs/errors.md has that the code does not.
+"""Lists the error reasons of the code that docs/errors-and-limits.md leaves out, and those of the
+page that the code does not have.
 
 Reasons are the texts in capitals in calls of WithErrorInfo, in constants kReason..., and where
 JobFailure is filled in.
@@ -11,6 +11,7 @@ import pathlib
 import re
 import sys
 
+PAGE = "docs/errors-and-limits.md"
 SOURCES = ("proto", "core", "rpc_server", "coverage_server", "render_worker", "planner_client",
            "planning_service")
 NAME = re.compile(r'"([A-Z][A-Z0-9]*(?:_[A-Z0-9]+)*)"')
@@ -57,17 +58,16 @@ def main():
                 for reason in reasons_in(path.read_text(encoding="utf-8")):
                     code.setdefault(reason, path.relative_to(root))
     table = re.compile(r"`([A-Z][A-Z0-9_]+)`")
-    errors = (root / "docs" / "errors.md").read_text(encoding="utf-8")
-    coverage = (root / "docs" / "coverage-service.md").read_text(encoding="utf-8")
-    known = set(table.findall(errors)) | set(table.findall(coverage))
+    errors = (root / PAGE).read_text(encoding="utf-8")
+    known = set(table.findall(errors))
     rows = {reason for line in errors.split("\n") if line.startswith("| `")
             for reason in table.findall(line.split("|")[1])}
     missing = sorted(set(code) - known)
     gone = sorted(rows - set(code))
     for reason in missing:
-        print(f"{code[reason]}: {reason} is not in docs/errors.md")
+        print(f"{code[reason]}: {reason} is not in {PAGE}")
     for reason in gone:
-        print(f"docs/errors.md: {reason} is nowhere in the code")
+        print(f"{PAGE}: {reason} is nowhere in the code")
     sys.exit(1 if missing or gone else 0)
 
 

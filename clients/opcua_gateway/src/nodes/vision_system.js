@@ -19,7 +19,7 @@ const SEVERITY = {Error: 700};
 // Events that one call of RepeatEvents raises: fewer than the smallest queue that clients usually ask for.
 const MAX_REPEATED = 500;
 
-// Status code for an error of the service: docs/errors.md by gRPC code.
+// Status code for an error of the service: docs/errors-and-limits.md by gRPC code.
 const STATUS_BY_CODE = {
   3: StatusCodes.BadInvalidArgument, 4: StatusCodes.BadTimeout, 5: StatusCodes.BadNotFound, 6: StatusCodes.BadEntryExists,
   7: StatusCodes.BadUserAccessDenied, 8: StatusCodes.BadResourceUnavailable, 9: StatusCodes.BadInvalidState,
