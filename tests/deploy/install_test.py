@@ -73,7 +73,7 @@ class InstallTest(unittest.TestCase):
             run("bash", "-n", self.path("share", "bash-completion", "completions", program))
             self.assertIn(f"#compdef {program}", self.read("share", "zsh", "site-functions", f"_{program}"))
         self.assertIn("Sightline", self.read("share", "doc", "sightline", "README.md"))
-        self.assertTrue(os.path.exists(self.path("share", "doc", "sightline", "docs", "install.md")))
+        self.assertTrue(os.path.exists(self.path("share", "doc", "sightline", "docs", "getting-started.md")))
 
     def test_units_are_of_this_prefix(self):
         for service, program in SERVICES.items():
