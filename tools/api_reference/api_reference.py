@@ -231,7 +231,7 @@ class Reference:
         lines = ["# API reference", "",
                  "Generated from the contract by `tools/api_reference/run`; do not edit. Files and "
                  "HTTP bodies are the JSON form of these messages with the names as they stand "
-                 "here. How to use it: [from an MES](../from-an-mes.md), [from Python]"
+                 "here. How to use it: [from an MES](../clients.md#from-an-mes), [from Python]"
                  "(../clients.md#from-python); what errors mean: [errors](../errors-and-limits.md).", "",
                  "| service | methods |", "|---|---|"]
         for source in self.sources:
