@@ -5,9 +5,11 @@
 //
 // Agreement is counted over segments of the laser line, 32 image columns long, of random frames.
 // The table calls a segment detectable if a permitted exposure shows the line at most of its
-// points. The frame shows it if with one of the permitted exposures that are tried at least 90 % of
-// its columns are found, and a tenth of them clipped at most. Frames have shadows, multiple
-// reflections, defocus and the slopes of the part; the table knows facets alone.
+// points. The frame shows it if with one of the permitted exposures and focus distances that are
+// tried at least 90 % of its columns are found, and a tenth of them clipped at most. The focus
+// distances are those of the nearest, the middle and the farthest part of the line, since the table
+// states what any permitted setting shows. Frames have shadows, multiple reflections and the slopes
+// of the part; the table knows facets alone.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <array>
@@ -15,12 +17,15 @@
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
+#include <fstream>
 #include <map>
 #include <memory>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "bench/common/measure.h"
 #include "bench/common/parts.h"
 #include "bench/common/scans.h"
@@ -53,6 +58,7 @@ struct Options {
   double seconds = 4;  // of each timing
   int rounds = 5;
   std::string json;
+  std::string list;  // CSV file of all segments
 };
 
 template <typename T>
@@ -105,6 +111,15 @@ struct Segments {
   double Agreement() const { return static_cast<double>(both + neither) / std::max(1, Count()); }
 };
 
+// What is known of a segment, for the list.
+struct Segment {
+  double depth_m = 0, slope = 0;  // slope: rows per column
+  double camera_incidence_deg = 0, laser_incidence_deg = 0;
+  bool table = false;
+  double found = 0, clipped = 0;  // largest share of found columns, and clipped share there
+  int focus = -1;                 // index of the first focus distance that shows it; -1: none does
+};
+
 // The exact points of one frame by column.
 using PointsOfFrame = std::multimap<int, const MeasurementPoint*>;
 
@@ -114,7 +129,7 @@ std::optional<bool> TableSays(const LightLimit& limit, const ScanGeometry& geome
                               const Eigen::Vector3d& centre_m, double stage_m, const Rig& rig,
                               const PointsOfFrame& points, const RegionOfInterest& roi,
                               const std::vector<LineCrossing>& line,
-                              const std::vector<size_t>& crossings) {
+                              const std::vector<size_t>& crossings, Segment* segment) {
   constexpr size_t kFewest = 12;
   if (crossings.size() < kFewest) return std::nullopt;
   const SensorPose camera = WorldToPart(geometry, centre_m, geometry.camera, stage_m),
@@ -138,18 +153,30 @@ std::optional<bool> TableSays(const LightLimit& limit, const ScanGeometry& geome
     if (nearest == nullptr) return std::nullopt;
     const Eigen::Vector3d place = nearest->position_m.cast<double>(),
                           normal = nearest->normal.cast<double>();
-    if (first_normal.isZero()) first_normal = normal;
+    const Eigen::Vector3d to_camera = camera.origin_m - place, to_laser = laser.origin_m - place;
+    if (first_normal.isZero()) {
+      first_normal = normal;
+      const auto degrees = [&](const Eigen::Vector3d& d) {
+        return std::acos(std::clamp(normal.dot(d.normalized()), -1.0, 1.0)) * 180 /
+               3.14159265358979;
+      };
+      segment->camera_incidence_deg = degrees(to_camera);
+      segment->laser_incidence_deg = degrees(to_laser);
+      segment->depth_m = -to_camera.dot(camera.z_axis);
+    }
     if (normal.dot(first_normal) < std::cos(10 * 3.14159265358979 / 180)) return std::nullopt;
-    shown += limit.At(limit.EntryOf(0), normal, camera.origin_m - place, laser.origin_m - place)
-                 .verdict == LightVerdict::kDetected;
+    shown +=
+        limit.At(limit.EntryOf(0), normal, to_camera, to_laser).verdict == LightVerdict::kDetected;
   }
+  const LineCrossing &first = line[crossings.front()], &last = line[crossings.back()];
+  segment->slope = (last.row_px - first.row_px) / std::max(1, last.column_px - first.column_px);
   return 2 * static_cast<size_t>(shown) > crossings.size();
 }
 
 // Compares one frame; false if it shows no line.
 bool CompareFrame(PartScene& part, const CoverageScene& scene, const LightLimit& limit,
                   const Options& options, const Measurement& measurement, Random& random,
-                  Segments* segments) {
+                  Segments* segments, std::vector<Segment>* list) {
   std::vector<MeasurementPoint> points;
   if (scene.EvaluateExact(measurement, &points, nullptr).feasibility != Feasibility::kFeasible ||
       points.empty()) {
@@ -179,46 +206,59 @@ bool CompareFrame(PartScene& part, const CoverageScene& scene, const LightLimit&
   if (!traced.ok()) return false;
   const auto light = std::make_shared<const FrameLight>(*std::move(traced));
   SettingJudge judge(inspection, {}, {{light, 1}}, 1, limits);
-  OpticalSetting setting;
-  setting.lens.f_number = inspection.rig.lens->f_number;
-  setting.lens.focus_distance_m = measurement.camera_distance_m;
-  setting.laser_power_w = inspection.rig.laser.power_w;
-  if (const absl::Status s = judge.LookThrough(setting.lens); !s.ok()) return false;
-
-  std::vector<bool> shown;
+  const double middle_m = light->median_line_depth_m;
+  std::vector<Segment> shown;
   std::vector<std::vector<size_t>> blocks;
   const RegionOfInterest roi = light->grid.roi;
-  for (int e = 0; e < options.exposures; ++e) {
-    setting.exposure_time_s =
-        options.min_exposure_s * std::pow(options.max_exposure_s / options.min_exposure_s,
-                                          static_cast<double>(e) / (options.exposures - 1));
-    FrameSetup exposed = judge.Setup(0, setting, 0);
-    FrameSetup at_line = exposed;
-    at_line.plate.camera_distance_m = light->median_line_depth_m;
-    const DetectionPlan plan = PlanDetection(at_line, inspection.optics->detector);
-    const DetectedLine detected = Must(ExposeAndDetect(judge.light(0), exposed, {}, plan));
-    const double reach_px = 3 * inspection.optics->prior_uncertainty_px;
-    const std::vector<LineSums> sums =
-        JudgeLine(detected, plan, light->line, roi.columns_px, reach_px);
-    if (blocks.empty()) {
-      blocks = CrossingsOfBlocks(plan, light->line, roi.columns_px);
-      shown.assign(blocks.size(), false);
-    }
-    for (size_t b = 0; b < blocks.size(); ++b) {
-      const LineSums& block = sums[b];
-      if (block.found >= 0.9 * block.crossings &&
-          block.clipped <= inspection.optics->max_clipped_fraction * block.found) {
-        shown[b] = true;
+  int focus = 0;
+  for (const double focus_m : {middle_m, glance.nearest_m, glance.farthest_m}) {
+    OpticalSetting setting;
+    setting.lens.f_number = inspection.rig.lens->f_number;
+    setting.lens.focus_distance_m = focus_m;
+    setting.laser_power_w = inspection.rig.laser.power_w;
+    if (const absl::Status s = judge.LookThrough(setting.lens); !s.ok()) return false;
+    for (int e = 0; e < options.exposures; ++e) {
+      setting.exposure_time_s =
+          options.min_exposure_s * std::pow(options.max_exposure_s / options.min_exposure_s,
+                                            static_cast<double>(e) / (options.exposures - 1));
+      FrameSetup exposed = judge.Setup(0, setting, 0);
+      FrameSetup at_line = exposed;
+      at_line.plate.camera_distance_m = middle_m;
+      const DetectionPlan plan = PlanDetection(at_line, inspection.optics->detector);
+      const DetectedLine detected = Must(ExposeAndDetect(judge.light(0), exposed, {}, plan));
+      const double reach_px = 3 * inspection.optics->prior_uncertainty_px;
+      const std::vector<LineSums> sums =
+          JudgeLine(detected, plan, light->line, roi.columns_px, reach_px);
+      if (blocks.empty()) {
+        blocks = CrossingsOfBlocks(plan, light->line, roi.columns_px);
+        shown.assign(blocks.size(), Segment{});
+      }
+      for (size_t b = 0; b < blocks.size(); ++b) {
+        const LineSums& block = sums[b];
+        const double found = block.found / std::max(1.0, block.crossings),
+                     clipped = block.clipped / std::max(1.0, block.found);
+        if (found > shown[b].found) {
+          shown[b].found = found;
+          shown[b].clipped = clipped;
+        }
+        if (found >= 0.9 && clipped <= inspection.optics->max_clipped_fraction &&
+            shown[b].focus < 0) {
+          shown[b].focus = focus;
+        }
       }
     }
+    ++focus;
   }
   const ScanGeometry geometry = MakeScanGeometry(inspection.rig, measurement);
   for (size_t b = 0; b < blocks.size(); ++b) {
     const auto table = TableSays(limit, geometry, scene.part_centre_m(), request.stage_position_m,
-                                 inspection.rig, of_frame, roi, light->line, blocks[b]);
+                                 inspection.rig, of_frame, roi, light->line, blocks[b], &shown[b]);
     if (!table) continue;
-    ++(*table ? (shown[b] ? segments->both : segments->table_only)
-              : (shown[b] ? segments->frame_only : segments->neither));
+    const bool seen = shown[b].focus >= 0;
+    ++(*table ? (seen ? segments->both : segments->table_only)
+              : (seen ? segments->frame_only : segments->neither));
+    shown[b].table = *table;
+    list->push_back(shown[b]);
   }
   return true;
 }
@@ -250,6 +290,25 @@ QueryCost CostOf(const CoverageScene& without, const CoverageScene& with, const 
     ratio.push_back(b.back() / a.back());
   }
   return {Median(a), Median(b), Median(ratio)};
+}
+
+// Adds the segments of a material to the CSV file; nothing without a file.
+void WriteList(const std::string& path, const std::string& material,
+               const std::vector<Segment>& list) {
+  if (path.empty()) return;
+  std::ofstream file(path, std::ios::app);
+  if (file.tellp() == 0) {
+    file << "material,depth_m,slope,camera_incidence_deg,laser_incidence_deg,table,found,clipped,"
+            "focus\n";
+  }
+  for (const Segment& s : list) {
+    file << absl::StrJoin(std::make_tuple(material, s.depth_m, s.slope, s.camera_incidence_deg,
+                                          s.laser_incidence_deg, s.table ? 1 : 0, s.found,
+                                          s.clipped, s.focus),
+                          ",")
+         << "\n";
+  }
+  if (!file) Fail(kName, path + ": cannot be written");
 }
 
 int Run(const Options& options) {
@@ -295,11 +354,13 @@ int Run(const Options& options) {
     const auto part = Must(PartScene::Make(std::move(input)));
     const LightLimit limit(detectability, mesh);
     Segments segments;
+    std::vector<Segment> list;
     Random random(7);
     int frames = 0;
     for (size_t i = 0; frames < options.frames && i < scans.size(); ++i) {
-      frames += CompareFrame(*part, *without, limit, options, scans[i], random, &segments);
+      frames += CompareFrame(*part, *without, limit, options, scans[i], random, &segments, &list);
     }
+    WriteList(options.list, name, list);
     const double measurable = static_cast<double>(with->measurable().Count()) /
                               static_cast<double>(with->targets().size());
     const size_t plan =
@@ -343,6 +404,7 @@ int main(int argc, char** argv) {
   app.add_option("--seconds", options.seconds, "of each timing");
   app.add_option("--rounds", options.rounds);
   app.add_option("--json", options.json);
+  app.add_option("--list", options.list, "CSV file that gets a row for each segment");
   CLI11_PARSE(app, argc, argv);
   return sightline::bench::Run(options);
 }

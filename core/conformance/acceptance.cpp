@@ -148,14 +148,34 @@ double ProvableUncertainty(double width_m, const DecisionRule& rule, int64_t tar
   return std::min(AdmissibleUncertainty(width_m, rule), 0.5 * width_m / (rule.guard_factor + z));
 }
 
+double KnownBound(const VectorXd& target_u_m, double width_m, const DecisionRule& rule,
+                  const TargetCounts& counts, double required_share) {
+  std::vector<double> used;
+  for (const double u : target_u_m) {
+    if (std::isfinite(u)) used.push_back(u);
+  }
+  const double admissible_m = AdmissibleUncertainty(width_m, rule);
+  if (used.empty() || counts.used <= 0) return admissible_m;
+  std::sort(used.begin(), used.end());
+  // Number of `used` that stands for the required share of all targets.
+  const auto n = static_cast<double>(used.size());
+  const auto required = static_cast<int64_t>(std::ceil(
+      required_share * n * static_cast<double>(counts.all) / static_cast<double>(counts.used) -
+      1e-9));
+  if (required > std::ssize(used)) return admissible_m;
+  const double share_m = used[static_cast<size_t>(std::max<int64_t>(1, required) - 1)];
+  const double provable_m = ProvableUncertainty(width_m, rule, std::ssize(used));
+  return std::min(admissible_m, std::max(provable_m, share_m));
+}
+
 AmountsOfDeviations::AmountsOfDeviations(const CharacteristicFit& fit,
                                          const MeasurandUncertainty& uncertainty,
-                                         const MeasuredZone& zone, const DecisionRule& rule)
-    : fit_(fit),
-      uncertainty_(uncertainty),
-      zone_(zone),
-      known_uncertainty_m_(AdmissibleUncertainty(zone.width_m, rule)) {
+                                         const MeasuredZone& zone, const DecisionRule& rule,
+                                         const TargetCounts& counts, double required_share)
+    : fit_(fit), uncertainty_(uncertainty), zone_(zone) {
   if (fit.measurand == Measurand::kDeviation) {
+    known_uncertainty_m_ =
+        KnownBound(uncertainty.target_u_m, zone.width_m, rule, counts, required_share);
     const int64_t known = uncertainty.target_u_m.array().isFinite().count();
     count_ = rank_ = std::max<int64_t>(1, known);
   } else if (fit.measurand != Measurand::kForm) {
@@ -287,7 +307,8 @@ absl::StatusOr<GoodPartAcceptance> PredictAcceptance(const Feature& feature,
   // Sizes are changes from that of the middle of their limits.
   CharacteristicFit changes = fit;
   changes.model_sizes_m.clear();
-  const AmountsOfDeviations amounts_of(changes, uncertainty, {.width_m = width_m}, rule);
+  const AmountsOfDeviations amounts_of(changes, uncertainty, {.width_m = width_m}, rule, counts,
+                                       required_share);
   const int64_t draws = std::clamp(kMostMultiplications / std::max<int64_t>(1, errors.Cost()),
                                    kFewestDraws, kMostDraws);
   std::vector<double> shares;

@@ -15,10 +15,14 @@
 // perfect form. The largest of n errors exceeds any one's, hence g_n: the smaller of Bonferroni's
 // Q^-1(alpha / n) and Scheffe's sqrt(chi^2_r(1 - alpha)) for functionals of r dimensions.
 //
-// Targets of profiles that are less certain than the rule admits cannot keep a guard band. They
-// count as not measured, of which a share may be. They still hold acceptance back if they lie
-// beyond a limit and noise does not explain it: |x_i| > h_m u_i, at a level of 5 % for all m of
-// them. Targets less certain than the zone is wide reject nothing.
+// Targets of profiles whose uncertainty is above a bound cannot keep a guard band. They count as
+// not measured, of which a share may be. They still hold acceptance back if they lie beyond a limit
+// and noise does not explain it: |x_i| > h_m u_i, at a level of 5 % for all m of them. The bound is
+// the least uncertainty that the required share of all targets has, but ProvableUncertainty at
+// least and what the rule admits at most. It depends on no measured value. Were it what the rule
+// admits in all cases, a further scan could lose a verdict, as it turns targets that count as not
+// measured into targets that keep no guard band. Targets less certain than the zone is wide reject
+// nothing.
 #pragma once
 
 #include <Eigen/Core>
@@ -82,11 +86,18 @@ double SimultaneousGuardFactor(double guard_factor, int64_t count, int64_t rank)
 // part is accepted as often as not: (s/2) / (g + z), z the median of the largest of their errors.
 double ProvableUncertainty(double width_m, const DecisionRule& rule, int64_t targets);
 
+// Bound [m] of the standard uncertainty of targets of a profile that count as known, see above.
+// `target_u_m`: of every toleranced target, infinite where it is not used; `counts` and
+// `required_share` as for DecideConformity.
+double KnownBound(const Eigen::VectorXd& target_u_m, double width_m, const DecisionRule& rule,
+                  const TargetCounts& counts, double required_share);
+
 // Makes amounts of measured or drawn deviations. Keeps references to its arguments.
 class AmountsOfDeviations {
  public:
   AmountsOfDeviations(const CharacteristicFit& fit, const MeasurandUncertainty& uncertainty,
-                      const MeasuredZone& zone, const DecisionRule& rule);
+                      const MeasuredZone& zone, const DecisionRule& rule,
+                      const TargetCounts& counts, double required_share);
   // `deviations_m`: one for each used target.
   Amounts Of(const Eigen::VectorXd& deviations_m) const;
   // The same of position, orientation and size by the parameters of the fit.
@@ -97,7 +108,8 @@ class AmountsOfDeviations {
   const MeasurandUncertainty& uncertainty_;
   MeasuredZone zone_;
   int64_t count_ = 1, rank_ = 1;
-  double known_uncertainty_m_, rejecting_factor_;
+  double known_uncertainty_m_ = std::numeric_limits<double>::infinity();
+  double rejecting_factor_ = 2;
 };
 
 struct Acceptance {

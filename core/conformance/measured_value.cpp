@@ -103,7 +103,9 @@ absl::StatusOr<MeasuredValue> EvaluateMeasured(const Feature& feature, const Cha
   for (Eigen::Index i = 0; i < h.size(); ++i) {
     h[i] = deviations_m[fit.fit.used[static_cast<size_t>(i)]];
   }
-  const Amounts amounts = AmountsOfDeviations(fit, uncertainty, zone, options.rule).Of(h);
+  const AmountsOfDeviations amounts_of(fit, uncertainty, zone, options.rule, value.counts,
+                                       options.required_share);
+  const Amounts amounts = amounts_of.Of(h);
   if (amounts.all.empty()) return absl::FailedPreconditionError("none of its targets is measured");
   const Acceptance acceptance =
       DecideConformity(amounts, options.rule, value.counts, options.required_share);

@@ -203,16 +203,29 @@ std::vector<NeededUncertainty> NeededUncertainties(const MeasuredState& state,
   const auto provable_m =
       static_cast<float>(has_zone ? ProvableUncertainty(feature.zone_width_m, rule, largest_of)
                                   : state.requirements.relaxed_uncertainty_m);
-  const double least_known_m = has_zone ? AdmissibleUncertainty(feature.zone_width_m, rule)
-                                        : std::numeric_limits<double>::infinity();
+  constexpr double kUnknown = std::numeric_limits<double>::infinity();
+  Eigen::VectorXd target_u_m(std::ssize(targets));
+  TargetCounts counts{.all = std::ssize(targets)};
+  for (size_t i = 0; i < targets.size(); ++i) {
+    const bool measured = state.knowledge.points[targets[i]] > 0;
+    target_u_m[static_cast<Eigen::Index>(i)] =
+        measured ? state.knowledge.uncertainty[targets[i]].total_m : kUnknown;
+    counts.measured = counts.used += measured;
+  }
+  double bound_m = kUnknown;
+  if (has_zone) {
+    bound_m = profile ? KnownBound(target_u_m, feature.zone_width_m, rule, counts,
+                                   ConformanceOptions{}.required_share)
+                      : AdmissibleUncertainty(feature.zone_width_m, rule);
+  }
   std::vector<NeededUncertainty> needed;
   std::vector<size_t> known;  // indices into `needed`
   std::vector<double> uncertainties_m;
-  for (const uint32_t t : targets) {
-    needed.push_back({state.surface.targets.positions_m[t], provable_m});
-    const double u_m = state.knowledge.uncertainty[t].total_m;
-    if (state.knowledge.points[t] == 0 || u_m > least_known_m) continue;
-    known.push_back(needed.size() - 1);
+  for (size_t i = 0; i < targets.size(); ++i) {
+    needed.push_back({state.surface.targets.positions_m[targets[i]], provable_m});
+    const double u_m = target_u_m[static_cast<Eigen::Index>(i)];
+    if (std::isinf(u_m) || u_m > bound_m) continue;
+    known.push_back(i);
     uncertainties_m.push_back(u_m);
   }
   if (static_cast<double>(known.size()) <

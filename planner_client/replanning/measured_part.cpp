@@ -122,17 +122,23 @@ absl::Status CheckPose(const Registration& registration, const std::vector<Measu
   const double turn_rad = pose.head<3>().norm(), shift_m = pose.tail<3>().norm();
   const double most_rad = kToleratedDeviations * options.prior.rotation_standard_deviation_rad;
   const double most_m = kToleratedDeviations * options.prior.translation_standard_deviation_m;
-  if (turn_rad <= most_rad && shift_m <= most_m && registration.converged) return absl::OkStatus();
+  const bool within = turn_rad <= most_rad && shift_m <= most_m;
+  if (within && registration.converged) return absl::OkStatus();
+  const std::string found = absl::StrFormat(
+      "%.4g mm and %.4g deg from the planned one, with the points %.4g mm (robust standard "
+      "deviation) from the part",
+      1e3 * shift_m, turn_rad / kDegree, 1e3 * registration.residual_standard_deviation_m);
+  const std::string files_text = absl::StrJoin(names, ", ");
+  if (!within) {
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "%s: the pose found lies %s. At most %.4g mm and %.4g deg are accepted, four standard "
+        "deviations of the prior (--pose-prior-mm, --pose-prior-deg)",
+        files_text, found, 1e3 * most_m, most_rad / kDegree));
+  }
   return absl::InvalidArgumentError(absl::StrFormat(
-      "%s: the pose found is implausible: %.4g mm and %.4g deg off, with the points %.4g mm "
-      "(robust standard deviation) from the part%s. Allowed are %.4g mm and %.4g deg, four "
-      "standard deviations of the prior (--pose-prior-mm, --pose-prior-deg)",
-      absl::StrJoin(names, ", "), 1e3 * shift_m, turn_rad / kDegree,
-      1e3 * registration.residual_standard_deviation_m,
-      registration.converged ? ""
-                             : absl::StrCat(", without settling there within ",
-                                            registration.iterations, " iterations"),
-      1e3 * most_m, most_rad / kDegree));
+      "%s: the registration has not converged after %d iterations; the last pose lies %s. Are the "
+      "points of this part, and do they show enough of its shape to determine a pose?",
+      files_text, registration.iterations, found));
 }
 
 void DescribePose(const Registration& registration, const MeasuredPartOptions& options,

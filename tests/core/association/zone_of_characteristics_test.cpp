@@ -286,7 +286,8 @@ TEST(ZoneOfCharacteristics, DecisionsErrAsSeldomAsTheySay) {
     for (const VectorXd& form : {Cubic(plate, 2e-4), Cubic(plate, 2e-3), dent, rough}) {
       const double true_m = FormDeviation(fit.fit, form);
       const MeasuredZone zone{.width_m = true_m};
-      const AmountsOfDeviations amounts_of(fit, *predicted, zone, DecisionRule{});
+      const AmountsOfDeviations amounts_of(fit, *predicted, zone, DecisionRule{}, {45, 45, 45},
+                                           0.95);
       int held = 0, accepted = 0, rejected = 0;
       for (int m = 0; m < kMeasurements; ++m) {
         VectorXd h = form;
