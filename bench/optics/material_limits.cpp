@@ -111,7 +111,7 @@ struct Segments {
   double Agreement() const { return static_cast<double>(both + neither) / std::max(1, Count()); }
 };
 
-// What is known of a segment, for the list.
+// A segment of the line as the list has it.
 struct Segment {
   double depth_m = 0, slope = 0;  // slope: rows per column
   double camera_incidence_deg = 0, laser_incidence_deg = 0;

@@ -38,7 +38,7 @@ struct DetectabilityHooks {
 };
 
 // Angles of the grid [deg]. Near the mirror direction the azimuth is finer.
-inline constexpr double kFacetIncidence_deg[] = {0, 20, 40, 55, 70, 80};
+inline constexpr double kFacetIncidence_deg[] = {0, 20, 40, 55, 70, 80, 87};
 inline constexpr double kFacetAzimuth_deg[] = {0, 60, 120, 155, 180};
 
 // `inspection` has sensor, lens, optics and materials; camera distances are the ends of its domain.

@@ -17,7 +17,7 @@ namespace {
 
 // Half edge of a facet that fills the region under every incidence of the grid, in camera
 // distances.
-constexpr double kFacetHalfEdge = 0.6;
+constexpr double kFacetHalfEdge = 1.2;
 
 // The inspection of a facet of one material.
 Inspection FacetInspection(const Inspection& inspection, const v1::Material& material,

@@ -69,8 +69,8 @@ FacetView View(double camera_deg, double laser_deg, double azimuth_deg) {
 
 TEST(Facet, StandsUnderTheAnglesAskedFor) {
   const Rig rig;
-  for (const double camera_deg : {0.0, 20.0, 65.0, 80.0}) {
-    for (const double laser_deg : {0.0, 20.0, 45.0, 80.0}) {
+  for (const double camera_deg : {0.0, 20.0, 65.0, 80.0, 87.0}) {
+    for (const double laser_deg : {0.0, 20.0, 45.0, 80.0, 87.0}) {
       for (const double azimuth_deg : {0.0, 50.0, 130.0, 180.0}) {
         const FacetView view = View(camera_deg, laser_deg, azimuth_deg);
         const ScanGeometry geometry = MakeScanGeometry(rig, MeasurementOf(view));
