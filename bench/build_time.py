@@ -26,7 +26,7 @@ import time
 import bench_support
 
 HEADER = "core/inspection/inspection.h"
-SOURCE = "planner_client/strategy/planner.cpp"
+SOURCE = "planning/strategy/planner.cpp"
 
 
 def timed(words, folder, environment=None):

@@ -11,9 +11,9 @@
 #include "bench/common/measure.h"
 #include "bench/common/parts.h"
 #include "bench/common/scene_gain_model.h"
-#include "planner_client/strategy/generated_columns_plan.h"
-#include "planner_client/strategy/planner.h"
-#include "planner_client/strategy/scan_count_bound.h"
+#include "planning/strategy/generated_columns_plan.h"
+#include "planning/strategy/planner.h"
+#include "planning/strategy/scan_count_bound.h"
 
 namespace sightline::bench {
 namespace {

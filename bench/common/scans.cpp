@@ -9,8 +9,8 @@
 #include "bench/common/scene_gain_model.h"
 #include "core/inspection/inspection.h"
 #include "core/random/random.h"
-#include "planner_client/optimise/search_space.h"
-#include "planner_client/strategy/planner.h"
+#include "planning/optimise/search_space.h"
+#include "planning/strategy/planner.h"
 
 namespace sightline::bench {
 namespace {

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "coverage_server/scene/coverage_scene.h"
-#include "planner_client/strategy/gain_model.h"
+#include "planning/strategy/gain_model.h"
 
 namespace sightline::bench {
 

@@ -13,9 +13,9 @@
 
 #include "bench/common/measure.h"
 #include "planner_client/commands/planning/session/planning_session.h"
-#include "planner_client/pareto/frame_estimate.h"
-#include "planner_client/strategy/bounded_plan.h"
-#include "planner_client/strategy/scan_order.h"
+#include "planning/pareto/frame_estimate.h"
+#include "planning/strategy/bounded_plan.h"
+#include "planning/strategy/scan_order.h"
 
 namespace sightline::bench {
 namespace {

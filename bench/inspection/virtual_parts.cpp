@@ -34,7 +34,7 @@
 #include "core/targets/poisson_disk.h"
 #include "core/triangulation/triangulation.h"
 #include "planner_client/inspect/judge_measured.h"
-#include "planner_client/requirements/characteristic_of.h"
+#include "planning/requirements/characteristic_of.h"
 
 namespace sightline::bench {
 namespace {

@@ -23,11 +23,11 @@
 #include "core/physics/angle.h"
 #include "core/random/random.h"
 #include "coverage_server/scene/coverage_scene.h"
-#include "planner_client/optimise/search_space.h"
-#include "planner_client/strategy/cover_bits.h"
-#include "planner_client/strategy/generated_columns_plan.h"
-#include "planner_client/strategy/planner.h"
-#include "planner_client/strategy/scan_count_bound.h"
+#include "planning/optimise/search_space.h"
+#include "planning/strategy/cover_bits.h"
+#include "planning/strategy/generated_columns_plan.h"
+#include "planning/strategy/planner.h"
+#include "planning/strategy/scan_count_bound.h"
 
 namespace sightline::bench {
 namespace {

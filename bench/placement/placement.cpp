@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Coverage under errors of placement as plans state it, against simulated executions.
 //
-// The statement is a 5 % quantile that combines few evaluations (planner_client/placement). Here
+// The statement is a 5 % quantile that combines few evaluations (planning/placement). Here
 // all scans of every execution are evaluated at displacements of their own, from another seed.
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -17,9 +17,9 @@
 #include "bench/common/scene_gain_model.h"
 #include "core/physics/angle.h"
 #include "core/statistics/order_statistics.h"
-#include "planner_client/placement/placement_coverage.h"
-#include "planner_client/strategy/planner.h"
-#include "planner_client/strategy/scan_order.h"
+#include "planning/placement/placement_coverage.h"
+#include "planning/strategy/planner.h"
+#include "planning/strategy/scan_order.h"
 
 namespace sightline::bench {
 namespace {

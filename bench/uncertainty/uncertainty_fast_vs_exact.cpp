@@ -12,7 +12,7 @@
 #include "bench/common/scans.h"
 #include "core/random/random.h"
 #include "coverage_server/uncertainty/target_priors.h"
-#include "planner_client/optimise/search_space.h"
+#include "planning/optimise/search_space.h"
 
 namespace sightline::bench {
 namespace {

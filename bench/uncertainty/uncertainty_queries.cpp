@@ -13,7 +13,7 @@
 #include "bench/common/server_process.h"
 #include "planner_client/coverage_client/coverage_client.h"
 #include "planner_client/gain_model/uncertainty_gain_model.h"
-#include "planner_client/strategy/planner.h"
+#include "planning/strategy/planner.h"
 
 namespace sightline::bench {
 namespace {

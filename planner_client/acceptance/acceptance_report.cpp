@@ -9,9 +9,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/acceptance/artefact_fit.h"
-#include "planner_client/report/document/report_parts.h"
-#include "planner_client/report/document/report_series.h"
-#include "planner_client/report/page/number_text.h"
+#include "report/document/report_parts.h"
+#include "report/document/report_series.h"
+#include "report/page/number_text.h"
 
 namespace sightline {
 namespace {

@@ -6,7 +6,7 @@
 
 #include "absl/status/statusor.h"
 #include "core/calibration_set/calibration_set.h"
-#include "planner_client/calibration/calibration_result.h"
+#include "report/calibration/calibration_result.h"
 #include "sightline/v1/inspection.pb.h"
 
 namespace sightline {

@@ -24,7 +24,7 @@
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/part_assets.h"
 #include "planner_client/commands/worker_session.h"
-#include "planner_client/report/document/report_page.h"
+#include "report/document/report_page.h"
 
 namespace sightline {
 namespace {

@@ -21,8 +21,8 @@
 #include "planner_client/command_line/process/progress_line.h"
 #include "planner_client/commands/commands.h"
 #include "planner_client/part_files/part_file.h"
-#include "planner_client/report/calibration/calibration_report.h"
-#include "planner_client/report/document/report_page.h"
+#include "report/calibration/calibration_report.h"
+#include "report/document/report_page.h"
 
 namespace sightline {
 namespace {

@@ -33,7 +33,7 @@
 #include "planner_client/explore/explore_routes.h"
 #include "planner_client/explore/explore_session.h"
 #include "planner_client/gain_model/coverage_gain_model.h"
-#include "planner_client/plan_file/plan_file.h"
+#include "planning/plan_file/plan_file.h"
 #include "planning_service/http/http_server.h"
 
 namespace sightline {

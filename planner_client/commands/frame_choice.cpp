@@ -14,7 +14,7 @@
 #include "core/text/number_text.h"
 #include "planner_client/commands/other_part.h"
 #include "planner_client/part_files/part_file.h"
-#include "planner_client/plan_file/plan_file.h"
+#include "planning/plan_file/plan_file.h"
 
 namespace sightline {
 namespace {

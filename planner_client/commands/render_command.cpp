@@ -28,10 +28,10 @@
 #include "planner_client/commands/part_assets.h"
 #include "planner_client/commands/shard.h"
 #include "planner_client/commands/worker_session.h"
-#include "planner_client/raw_image/preview_picture.h"
-#include "planner_client/raw_image/raw_png.h"
 #include "planner_client/render_client/draft_picture.h"
 #include "planner_client/render_client/render_client.h"
+#include "report/raw_image/preview_picture.h"
+#include "report/raw_image/raw_png.h"
 
 namespace sightline {
 namespace {

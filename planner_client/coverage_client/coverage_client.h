@@ -17,7 +17,7 @@
 #include "core/targets/target_set.h"
 #include "core/targets/uncovered_reason.h"
 #include "planner_client/rpc_client/channel.h"
-#include "planner_client/strategy/gain_model.h"
+#include "planning/strategy/gain_model.h"
 #include "sightline/v1/coverage_service.pb.h"
 
 namespace sightline {

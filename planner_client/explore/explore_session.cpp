@@ -9,11 +9,11 @@
 #include "absl/strings/str_format.h"
 #include "core/json/strict_json.h"
 #include "core/status/status_macros.h"
-#include "planner_client/optimise/maximise.h"
-#include "planner_client/optimise/search_space.h"
-#include "planner_client/report/plan/plan_scene.h"
-#include "planner_client/report/plan/surface/display_mesh.h"
-#include "planner_client/strategy/top_points.h"
+#include "planning/optimise/maximise.h"
+#include "planning/optimise/search_space.h"
+#include "planning/strategy/top_points.h"
+#include "report/plan/plan_scene.h"
+#include "report/plan/surface/display_mesh.h"
 
 namespace sightline {
 namespace {

@@ -24,7 +24,7 @@
 #include "planner_client/explore/latest_only.h"
 #include "planner_client/explore/scan_view.h"
 #include "planner_client/render_client/draft_picture.h"
-#include "planner_client/strategy/gain_model.h"
+#include "planning/strategy/gain_model.h"
 #include "sightline/v1/optics.pb.h"
 
 namespace sightline {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "core/status/status_macros.h"
-#include "planner_client/requirements/joined_scans.h"
+#include "planning/requirements/joined_scans.h"
 
 namespace sightline {
 

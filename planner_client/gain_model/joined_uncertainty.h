@@ -9,8 +9,8 @@
 #include "absl/status/statusor.h"
 #include "core/inspection/inspection.h"
 #include "planner_client/coverage_client/coverage_client.h"
-#include "planner_client/requirements/known_targets.h"
-#include "planner_client/requirements/requirements.h"
+#include "planning/requirements/known_targets.h"
+#include "planning/requirements/requirements.h"
 
 namespace sightline {
 

@@ -13,8 +13,8 @@
 #include <span>
 #include <vector>
 
-#include "planner_client/robot/robot_cell.h"
-#include "planner_client/strategy/gain_model.h"
+#include "planning/robot/robot_cell.h"
+#include "planning/strategy/gain_model.h"
 
 namespace sightline {
 

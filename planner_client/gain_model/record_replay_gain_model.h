@@ -17,7 +17,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "planner_client/strategy/gain_model.h"
+#include "planning/strategy/gain_model.h"
 
 namespace sightline {
 

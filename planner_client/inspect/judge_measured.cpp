@@ -15,9 +15,9 @@
 #include "core/conformance/measured_value.h"
 #include "core/inspection/vector_proto.h"
 #include "core/statistics/order_statistics.h"
-#include "planner_client/requirements/characteristic_of.h"
-#include "planner_client/requirements/joined_scans.h"
-#include "planner_client/requirements/known_targets.h"
+#include "planning/requirements/characteristic_of.h"
+#include "planning/requirements/joined_scans.h"
+#include "planning/requirements/known_targets.h"
 
 namespace sightline {
 namespace {

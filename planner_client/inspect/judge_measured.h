@@ -13,7 +13,7 @@
 #include "core/inspection/inspection.h"
 #include "planner_client/inspect/measured_surface.h"
 #include "planner_client/replanning/measured_part.h"
-#include "planner_client/requirements/requirements.h"
+#include "planning/requirements/requirements.h"
 #include "sightline/v1/measured_result.pb.h"
 
 namespace sightline {

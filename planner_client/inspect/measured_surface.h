@@ -11,7 +11,7 @@
 #include "core/registration/surface_deviation.h"
 #include "core/targets/target_set.h"
 #include "planner_client/replanning/measured_part.h"
-#include "planner_client/requirements/known_targets.h"
+#include "planning/requirements/known_targets.h"
 
 namespace sightline {
 

@@ -13,8 +13,8 @@
 #include "core/process_folder/process_folder.h"
 #include "core/sensor/sensor.h"
 #include "core/status/status_macros.h"
-#include "planner_client/raw_image/raw_png.h"
 #include "planner_client/render_client/render_client.h"
+#include "report/raw_image/raw_png.h"
 
 namespace sightline {
 namespace {

@@ -10,7 +10,7 @@
 
 #include "core/registration/surface_deviation.h"
 #include "planner_client/gain_model/uncertainty_gain_model.h"
-#include "planner_client/strategy/gain_model.h"
+#include "planning/strategy/gain_model.h"
 
 namespace sightline {
 

@@ -10,11 +10,11 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "core/physics/angle.h"
-#include "planner_client/report/page/html.h"
-#include "planner_client/report/page/number_text.h"
 #include "planner_client/setup_sheet/direction_words.h"
 #include "planner_client/setup_sheet/scene_drawing.h"
 #include "planner_client/setup_sheet/sheet_text.h"
+#include "report/page/html.h"
+#include "report/page/number_text.h"
 
 namespace sightline {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "core/part/mesh.h"
 #include "planner_client/exports/scan_frames.h"
-#include "planner_client/report/document/report_parts.h"
+#include "report/document/report_parts.h"
 #include "sightline/v1/plan.pb.h"
 
 namespace sightline {

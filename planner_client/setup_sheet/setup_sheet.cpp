@@ -12,12 +12,12 @@
 #include "absl/strings/str_join.h"
 #include "core/status/status_macros.h"
 #include "planner_client/exports/scan_frames.h"
-#include "planner_client/report/document/report_parts.h"
-#include "planner_client/report/page/html.h"
-#include "planner_client/report/page/number_text.h"
 #include "planner_client/setup_sheet/direction_words.h"
 #include "planner_client/setup_sheet/scan_blocks.h"
 #include "planner_client/setup_sheet/sheet_text.h"
+#include "report/document/report_parts.h"
+#include "report/page/html.h"
+#include "report/page/number_text.h"
 
 namespace sightline {
 namespace {

@@ -6,7 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "planner_client/report/page/number_text.h"
+#include "report/page/number_text.h"
 
 namespace sightline {
 

@@ -18,7 +18,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/json/strict_json.h"
 #include "planner_client/coverage_client/coverage_client.h"
-#include "tests/planner_client/analytic_gain_model.h"
+#include "tests/planning/analytic_gain_model.h"
 
 namespace sightline {
 namespace {

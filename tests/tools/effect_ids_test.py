@@ -13,8 +13,8 @@ import tempfile
 import unittest
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-SOURCES = ("core", "coverage_server", "planner_client", "planning_service", "proto", "render_worker", "rpc_server",
-           "tools")
+SOURCES = ("core", "coverage_server", "planner_client", "planning", "planning_service", "proto", "render_worker", "report",
+           "rpc_server", "tools")
 HOMES = ("render_worker/effects", "render_worker/effects/discrepancy")
 SUFFIXES = (".cpp", ".h", ".proto", ".py", ".sh", ".js", ".mjs", ".html", ".txt", ".cmake", "")
 

@@ -16,9 +16,9 @@
 #include <vector>
 
 #include "core/status/status_macros.h"
-#include "planner_client/requirements/feature_verdicts.h"
-#include "planner_client/requirements/requirements.h"
 #include "planner_client/tolerance_import/tolerance_import.h"
+#include "planning/requirements/feature_verdicts.h"
+#include "planning/requirements/requirements.h"
 
 namespace sightline {
 namespace {

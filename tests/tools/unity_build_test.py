@@ -15,7 +15,7 @@ MARK = '"core/cpu/function_clones.h"'
 
 
 def sources_with_clones():
-    found = [path for folder in ("core", "coverage_server", "planner_client", "render_worker")
+    found = [path for folder in ("core", "coverage_server", "planner_client", "planning", "render_worker")
              for path in (SOURCE / folder).rglob("*.cpp") if MARK in path.read_text(encoding="utf-8")]
     return sorted(found)
 

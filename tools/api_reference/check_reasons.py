@@ -13,7 +13,7 @@ import sys
 
 PAGE = "docs/errors-and-limits.md"
 SOURCES = ("proto", "core", "rpc_server", "coverage_server", "render_worker", "planner_client",
-           "planning_service")
+           "planning", "planning_service", "report")
 NAME = re.compile(r'"([A-Z][A-Z0-9]*(?:_[A-Z0-9]+)*)"')
 # Reasons of job failures, which do not pass through WithErrorInfo.
 OTHER = re.compile(r'(?:kReason\w*\[\] = |(?:StatusCode::k\w+|code\(\)),\s*)"([A-Z][A-Z0-9_]+)"')

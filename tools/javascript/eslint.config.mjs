@@ -17,7 +17,7 @@ export default [
     },
   },
   {
-    files: ['planner_client/**/*.js', 'planning_service/**/*.js'],
+    files: ['planner_client/**/*.js', 'report/**/*.js', 'planning_service/**/*.js'],
     languageOptions: {globals: {...globals.browser, ...globals.serviceworker}},
   },
   {

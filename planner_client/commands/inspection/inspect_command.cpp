@@ -28,10 +28,10 @@
 #include "planner_client/inspect/judge_measured.h"
 #include "planner_client/inspect/measured_csv.h"
 #include "planner_client/part_files/part_file.h"
-#include "planner_client/plan_file/plan_file.h"
-#include "planner_client/report/document/report_page.h"
-#include "planner_client/report/inspection/inspection_report.h"
-#include "planner_client/report/uncertainty/qif_export.h"
+#include "planning/plan_file/plan_file.h"
+#include "report/document/report_page.h"
+#include "report/inspection/inspection_report.h"
+#include "report/uncertainty/qif_export.h"
 
 namespace sightline {
 namespace {

@@ -13,8 +13,8 @@
 #include "planner_client/command_line/process/interrupt.h"
 #include "planner_client/command_line/process/progress_line.h"
 #include "planner_client/replanning/measured_gain_model.h"
-#include "planner_client/strategy/execution/execution_model.h"
-#include "planner_client/strategy/planner.h"
+#include "planning/strategy/execution/execution_model.h"
+#include "planning/strategy/planner.h"
 
 namespace sightline {
 namespace {

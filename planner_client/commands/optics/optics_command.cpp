@@ -27,9 +27,9 @@
 #include "planner_client/commands/worker_session.h"
 #include "planner_client/optics_client/optics_client.h"
 #include "planner_client/optics_client/uncertainty_correction.h"
-#include "planner_client/plan_file/plan_file.h"
-#include "planner_client/report/document/report_page.h"
-#include "planner_client/report/optics/optics_report.h"
+#include "planning/plan_file/plan_file.h"
+#include "report/document/report_page.h"
+#include "report/optics/optics_report.h"
 
 namespace sightline {
 namespace {

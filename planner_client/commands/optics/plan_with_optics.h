@@ -10,7 +10,7 @@
 #include "planner_client/commands/planning/document/plan_document.h"
 #include "planner_client/commands/planning/session/planning_session.h"
 #include "planner_client/commands/worker_session.h"
-#include "planner_client/strategy/planner.h"
+#include "planning/strategy/planner.h"
 
 namespace sightline {
 

@@ -14,7 +14,7 @@
 #include "planner_client/commands/planning/document/plan_document.h"
 #include "planner_client/commands/planning/plan_outputs.h"
 #include "planner_client/commands/planning/session/planning_session.h"
-#include "planner_client/plan_file/plan_file.h"
+#include "planning/plan_file/plan_file.h"
 
 namespace sightline {
 namespace {

@@ -12,9 +12,9 @@
 #include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/command_line/process/output_folder.h"
 #include "planner_client/command_line/process/print.h"
-#include "planner_client/pareto/frame_estimate.h"
-#include "planner_client/pareto/make_pareto_front.h"
-#include "planner_client/strategy/plan_run.h"
+#include "planning/pareto/frame_estimate.h"
+#include "planning/pareto/make_pareto_front.h"
+#include "planning/strategy/plan_run.h"
 
 namespace sightline {
 namespace {

@@ -10,8 +10,8 @@
 #include "planner_client/commands/planning/document/plan_document.h"
 #include "planner_client/commands/planning/plan_outputs.h"
 #include "planner_client/commands/planning/session/planning_session.h"
-#include "planner_client/pareto/pareto_json.h"
-#include "planner_client/strategy/planner.h"
+#include "planning/pareto/pareto_json.h"
+#include "planning/strategy/planner.h"
 
 namespace sightline {
 

@@ -11,7 +11,7 @@
 #include "core/status/status_macros.h"
 #include "core/text/number_text.h"
 #include "planner_client/commands/part_assets.h"
-#include "planner_client/plan_file/plan_file.h"
+#include "planning/plan_file/plan_file.h"
 
 namespace sightline {
 

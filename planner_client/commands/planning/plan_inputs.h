@@ -10,7 +10,7 @@
 #include "planner_client/commands/planning/plan_options.h"
 #include "planner_client/commands/planning/replanning/as_measured_session.h"
 #include "planner_client/commands/starts/search_checkpoint.h"
-#include "planner_client/strategy/planner.h"
+#include "planning/strategy/planner.h"
 
 namespace sightline {
 

@@ -30,8 +30,8 @@
 #include "planner_client/commands/planning/document/uncertainty_outputs.h"
 #include "planner_client/commands/planning/document/uncovered_outputs.h"
 #include "planner_client/commands/planning/session/robot_outputs.h"
-#include "planner_client/report/document/report_page.h"
-#include "planner_client/report/plan/plan_csv.h"
+#include "report/document/report_page.h"
+#include "report/plan/plan_csv.h"
 
 namespace sightline {
 namespace {

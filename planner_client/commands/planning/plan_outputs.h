@@ -9,7 +9,7 @@
 #include "absl/status/status.h"
 #include "planner_client/commands/planning/document/plan_document.h"
 #include "planner_client/commands/planning/session/planning_session.h"
-#include "planner_client/report/plan/report.h"
+#include "report/plan/report.h"
 #include "sightline/v1/pareto.pb.h"
 
 namespace sightline {

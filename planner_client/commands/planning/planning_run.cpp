@@ -21,10 +21,10 @@
 #include "planner_client/commands/planning/pareto_outputs.h"
 #include "planner_client/commands/planning/plan_outputs.h"
 #include "planner_client/commands/starts/plan_starts.h"
-#include "planner_client/pareto/frame_estimate.h"
-#include "planner_client/report/optics/optics_report.h"
-#include "planner_client/strategy/execution/execution_model.h"
-#include "planner_client/strategy/scan_order.h"
+#include "planning/pareto/frame_estimate.h"
+#include "planning/strategy/execution/execution_model.h"
+#include "planning/strategy/scan_order.h"
+#include "report/optics/optics_report.h"
 
 namespace sightline {
 namespace {

@@ -16,8 +16,8 @@
 #include "planner_client/commands/planning/session/planning_session.h"
 #include "planner_client/commands/shard.h"
 #include "planner_client/commands/starts/search_checkpoint.h"
-#include "planner_client/multi_start/start_result.h"
-#include "planner_client/strategy/bounded_plan.h"
+#include "planning/multi_start/start_result.h"
+#include "planning/strategy/bounded_plan.h"
 
 namespace sightline {
 

@@ -37,7 +37,7 @@
 #include "planner_client/diagnosis_client/quick_set.h"
 #include "planner_client/diagnosis_client/recorded_folder.h"
 #include "planner_client/diagnosis_client/sensor_set_folder.h"
-#include "planner_client/report/diagnosis/diagnosis_report.h"
+#include "report/diagnosis/diagnosis_report.h"
 
 namespace sightline {
 namespace {

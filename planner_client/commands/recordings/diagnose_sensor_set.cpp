@@ -17,7 +17,7 @@
 #include "planner_client/command_line/process/print.h"
 #include "planner_client/diagnosis_client/sensor_set_client.h"
 #include "planner_client/diagnosis_client/sensor_set_folder.h"
-#include "planner_client/report/sensor/sensor_report.h"
+#include "report/sensor/sensor_report.h"
 
 namespace sightline {
 namespace {

@@ -21,7 +21,7 @@
 #include "planner_client/diagnosis_client/recorded_folder.h"
 #include "planner_client/diagnosis_client/sensor_set_folder.h"
 #include "planner_client/diagnosis_client/verification_csv.h"
-#include "planner_client/report/verification/verification_report.h"
+#include "report/verification/verification_report.h"
 
 namespace sightline {
 namespace {

@@ -12,8 +12,8 @@
 #include "absl/status/statusor.h"
 #include "planner_client/commands/planning/session/planning_session.h"
 #include "planner_client/commands/shard.h"
-#include "planner_client/multi_start/start_result.h"
-#include "planner_client/strategy/planner.h"
+#include "planning/multi_start/start_result.h"
+#include "planning/strategy/planner.h"
 #include "sightline/v1/plan.pb.h"
 
 namespace sightline {

@@ -15,7 +15,7 @@
 #include "core/process/program_build.h"
 #include "core/status/status_macros.h"
 #include "planner_client/command_line/process/print.h"
-#include "planner_client/multi_start/start_file.h"
+#include "planning/multi_start/start_file.h"
 
 namespace sightline {
 namespace {

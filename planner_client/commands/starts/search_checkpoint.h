@@ -12,8 +12,8 @@
 #include "planner_client/commands/planning/session/planning_session.h"
 #include "planner_client/gain_model/record_replay_gain_model.h"
 #include "planner_client/kept_answers/question_files.h"
-#include "planner_client/multi_start/start_result.h"
-#include "planner_client/strategy/planner.h"
+#include "planning/multi_start/start_result.h"
+#include "planning/strategy/planner.h"
 
 namespace sightline {
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The 3-D view: the report's scene, coloured by the targets that the plan and this scan measure.
-import {hasBit, readScene} from '../../report/viewer/data.js';
-import {legendLine} from '../../report/viewer/legend.js';
-import {COVERED, NEVER, NEW, PartScene, UNMEASURABLE} from '../../report/viewer/scene.js';
+import {hasBit, readScene} from '../../../report/viewer/data.js';
+import {legendLine} from '../../../report/viewer/legend.js';
+import {COVERED, NEVER, NEW, PartScene, UNMEASURABLE} from '../../../report/viewer/scene.js';
 
 const LEGEND = [
   [NEW, '--new', 'new with this scan'],

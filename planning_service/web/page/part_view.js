@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The part in three dimensions with the lengths of its bounding box. Axes of the file, z up.
 import {BoxGeometry, BufferAttribute, BufferGeometry, Color, DoubleSide, EdgesGeometry, LineBasicMaterial, LineSegments, Mesh, MeshLambertMaterial, Vector3} from 'three';
-import {Stage} from '../../../planner_client/report/viewer/stage.js';
+import {Stage} from '../../../report/viewer/stage.js';
 import {roundedText} from './units.js';
 
 const AXES = ['x', 'y', 'z'];

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "planner_client/explore/explore_session.h"
-#include "tests/planner_client/analytic_gain_model.h"
+#include "tests/planning/analytic_gain_model.h"
 
 namespace sightline {
 

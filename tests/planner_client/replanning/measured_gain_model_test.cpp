@@ -5,8 +5,8 @@
 
 #include <memory>
 
-#include "planner_client/strategy/planner.h"
-#include "tests/planner_client/analytic_gain_model.h"
+#include "planning/strategy/planner.h"
+#include "tests/planning/analytic_gain_model.h"
 
 namespace sightline {
 namespace {

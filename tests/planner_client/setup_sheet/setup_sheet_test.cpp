@@ -12,7 +12,7 @@
 #include "planner_client/setup_sheet/direction_words.h"
 #include "planner_client/setup_sheet/scene_drawing.h"
 #include "tests/planner_client/exports/sample_plan.h"
-#include "tests/planner_client/report/report_reading.h"
+#include "tests/report/report_reading.h"
 
 namespace sightline {
 namespace {

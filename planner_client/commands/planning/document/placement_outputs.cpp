@@ -7,7 +7,7 @@
 #include "core/field_limits/field_checks.h"
 #include "core/status/status_macros.h"
 #include "planner_client/command_line/process/interrupt.h"
-#include "planner_client/placement/placement_coverage.h"
+#include "planning/placement/placement_coverage.h"
 
 namespace sightline {
 

@@ -26,12 +26,12 @@
 #include "planner_client/commands/planning/document/uncovered_outputs.h"
 #include "planner_client/commands/planning/session/robot_outputs.h"
 #include "planner_client/gain_model/joined_uncertainty.h"
-#include "planner_client/report/uncertainty/inadmissible.h"
-#include "planner_client/report/uncertainty/uncertainty_report.h"
-#include "planner_client/requirements/feature_verdicts.h"
-#include "planner_client/requirements/joined_scans.h"
-#include "planner_client/strategy/execution/execution_bound.h"
-#include "planner_client/strategy/scan_order.h"
+#include "planning/requirements/feature_verdicts.h"
+#include "planning/requirements/joined_scans.h"
+#include "planning/strategy/execution/execution_bound.h"
+#include "planning/strategy/scan_order.h"
+#include "report/uncertainty/inadmissible.h"
+#include "report/uncertainty/uncertainty_report.h"
 
 namespace sightline {
 namespace {

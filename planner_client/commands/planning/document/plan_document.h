@@ -9,8 +9,8 @@
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
 #include "planner_client/commands/planning/session/planning_session.h"
-#include "planner_client/strategy/planner.h"
-#include "planner_client/strategy/scan_count_bound.h"
+#include "planning/strategy/planner.h"
+#include "planning/strategy/scan_count_bound.h"
 #include "sightline/v1/plan.pb.h"
 
 namespace sightline {

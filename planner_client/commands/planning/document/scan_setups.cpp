@@ -12,7 +12,7 @@
 #include "core/physics/angle.h"
 #include "core/rig/scan_geometry.h"
 #include "core/rig/sensor_bodies.h"
-#include "planner_client/strategy/execution/execution_model.h"
+#include "planning/strategy/execution/execution_model.h"
 
 namespace sightline {
 namespace {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "planner_client/commands/planning/session/planning_session.h"
-#include "planner_client/strategy/planner.h"
+#include "planning/strategy/planner.h"
 #include "sightline/v1/plan.pb.h"
 
 namespace sightline {

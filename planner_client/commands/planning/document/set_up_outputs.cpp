@@ -12,9 +12,9 @@
 #include "core/status/status_macros.h"
 #include "planner_client/command_line/process/output_folder.h"
 #include "planner_client/exports/export_files.h"
-#include "planner_client/report/document/report_page.h"
 #include "planner_client/scan_quality/scan_quality.h"
 #include "planner_client/setup_sheet/setup_sheet.h"
+#include "report/document/report_page.h"
 
 namespace sightline {
 namespace {

@@ -9,9 +9,9 @@
 #include "core/rig/scan_geometry.h"
 #include "core/status/status_macros.h"
 #include "core/triangulation/triangulation.h"
-#include "planner_client/report/uncertainty/inadmissible.h"
-#include "planner_client/report/uncertainty/qif_export.h"
-#include "planner_client/report/uncertainty/uncertainty_ply.h"
+#include "report/uncertainty/inadmissible.h"
+#include "report/uncertainty/qif_export.h"
+#include "report/uncertainty/uncertainty_ply.h"
 
 namespace sightline {
 namespace {

@@ -8,8 +8,8 @@
 #include "absl/status/status.h"
 #include "planner_client/commands/planning/document/plan_document.h"
 #include "planner_client/commands/planning/session/planning_session.h"
-#include "planner_client/report/plan/report.h"
-#include "planner_client/report/uncertainty/target_uncertainty.h"
+#include "report/plan/report.h"
+#include "report/uncertainty/target_uncertainty.h"
 
 namespace sightline {
 

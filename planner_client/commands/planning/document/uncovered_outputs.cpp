@@ -8,7 +8,7 @@
 #include "absl/strings/str_format.h"
 #include "core/status/status_macros.h"
 #include "core/targets/target_regions.h"
-#include "planner_client/report/plan/surface/uncovered_reasons.h"
+#include "report/plan/surface/uncovered_reasons.h"
 
 namespace sightline {
 

@@ -18,8 +18,8 @@
 #include "core/text/length_unit.h"
 #include "planner_client/command_line/process/print.h"
 #include "planner_client/coverage_client/part_upload.h"
-#include "planner_client/plan_file/plan_file.h"
 #include "planner_client/replanning/measured_gain_model.h"
+#include "planning/plan_file/plan_file.h"
 
 namespace sightline {
 namespace {

@@ -14,7 +14,7 @@
 #include "planner_client/commands/planning/document/plan_document.h"
 #include "planner_client/commands/planning/session/planning_session.h"
 #include "planner_client/replanning/measured_part.h"
-#include "planner_client/strategy/planner.h"
+#include "planning/strategy/planner.h"
 #include "sightline/v1/plan.pb.h"
 
 namespace sightline {

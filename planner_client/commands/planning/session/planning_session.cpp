@@ -23,9 +23,9 @@
 #include "planner_client/commands/planning/session/session_light.h"
 #include "planner_client/gain_model/coverage_gain_model.h"
 #include "planner_client/part_files/part_file.h"
-#include "planner_client/requirements/joined_scans.h"
-#include "planner_client/requirements/reach.h"
 #include "planner_client/tolerance_import/tolerance_import.h"
+#include "planning/requirements/joined_scans.h"
+#include "planning/requirements/reach.h"
 
 namespace sightline {
 namespace {

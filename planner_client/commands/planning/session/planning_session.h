@@ -20,11 +20,11 @@
 #include "planner_client/commands/worker_session.h"
 #include "planner_client/coverage_client/coverage_client.h"
 #include "planner_client/gain_model/uncertainty_gain_model.h"
-#include "planner_client/plan_file/part_of_plan.h"
 #include "planner_client/replanning/measured_gain_model.h"
 #include "planner_client/replanning/measured_part.h"
-#include "planner_client/requirements/requirements.h"
-#include "planner_client/robot/robot_cell.h"
+#include "planning/plan_file/part_of_plan.h"
+#include "planning/requirements/requirements.h"
+#include "planning/robot/robot_cell.h"
 
 namespace sightline {
 

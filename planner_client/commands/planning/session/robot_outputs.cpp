@@ -12,9 +12,9 @@
 #include "planner_client/command_line/process/interrupt.h"
 #include "planner_client/command_line/process/print.h"
 #include "planner_client/gain_model/reachable_gain_model.h"
-#include "planner_client/optimise/search_space.h"
-#include "planner_client/robot/nearest_reachable.h"
-#include "planner_client/strategy/scan_order.h"
+#include "planning/optimise/search_space.h"
+#include "planning/robot/nearest_reachable.h"
+#include "planning/strategy/scan_order.h"
 
 namespace sightline {
 namespace {

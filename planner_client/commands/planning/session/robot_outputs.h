@@ -7,9 +7,9 @@
 
 #include "absl/status/status.h"
 #include "planner_client/commands/planning/session/planning_session.h"
-#include "planner_client/report/plan/sections/robot_section.h"
-#include "planner_client/robot/robot_moves.h"
-#include "planner_client/strategy/planner.h"
+#include "planning/robot/robot_moves.h"
+#include "planning/strategy/planner.h"
+#include "report/plan/sections/robot_section.h"
 #include "sightline/v1/plan.pb.h"
 
 namespace sightline {

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+// Fast estimate of the frames of a scan that yield points, by the geometry of rig and part alone.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "core/rig/rig.h"
+#include "core/targets/target_set.h"
+#include "planning/pareto/plan_time.h"
+
+namespace sightline {
+
+// Looks at a part of the targets, as if nothing hid them: targets that face camera and laser and
+// lie in the camera's field of view and range count. Searches that look at thousands of scans use
+// it; reported numbers come from exact frames.
+class FrameEstimate {
+ public:
+  // `part_centre_m`: of the part's bounding box. Of many targets about `most` are kept.
+  FrameEstimate(const Rig& rig, const Eigen::Vector3d& part_centre_m, const TargetSet& targets,
+                size_t most = 1500);
+
+  FrameRange Frames(const Measurement& scan) const;
+
+ private:
+  Rig rig_;
+  Eigen::Vector3d part_centre_m_;
+  std::vector<Eigen::Vector3d> positions_m_, normals_;  // part coordinates
+};
+
+}  // namespace sightline

@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+// plan.json as it comes back from people and earlier runs.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/rig/measurement.h"
+#include "planning/plan_file/part_of_plan.h"
+#include "sightline/v1/plan.pb.h"
+
+namespace sightline {
+
+// As many scans as goal.max_scans can be.
+inline constexpr int kMostPlanScans = 1000;
+
+struct PlanFileScans {
+  std::vector<Measurement> all;
+  std::vector<bool> locked;
+  v1::Plan plan;
+};
+
+// Reads the scans of a plan file, at most kMostPlanScans, and adds the plan to `given`, which the
+// caller compares with the part of its inspection. INVALID_ARGUMENT names the file, scan and field.
+absl::StatusOr<PlanFileScans> ReadPlanScans(const std::string& path, GivenPlans* given);
+
+}  // namespace sightline

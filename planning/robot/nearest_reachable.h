@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+// The scan next to one that an arm cannot reach.
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "core/inspection/inspection.h"
+#include "planning/robot/robot_cell.h"
+
+namespace sightline {
+
+// The nearest reachable scan of the domain that a search about `measurement` finds: by random scans
+// ever farther from it, each parameter counted in parts of its domain, and from the nearest of
+// these back towards it. The same every time. Nothing: none was found, or it was interrupted.
+std::optional<Measurement> NearestReachable(
+    const RobotCell& cell, const MeasurementDomain& domain, const Measurement& measurement,
+    const std::function<ScanTravel(const Measurement&)>& travel_of,
+    const std::atomic<bool>* interrupted);
+
+// The parameters in which a scan differs from another: "camera_polar_deg 41.20, offset_z_m 0.0350".
+std::string DifferenceText(const Measurement& scan, const Measurement& other);
+
+}  // namespace sightline

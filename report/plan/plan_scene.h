@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: Apache-2.0
+// Part, targets and scans as the viewer shows them in three dimensions.
+#pragma once
+
+#include <vector>
+
+#include "report/plan/sections/report_data.h"
+#include "report/plan/surface/display_mesh.h"
+#include "report/plan/surface/uncovered_regions.h"
+#include "sightline/v1/report_scene.pb.h"
+
+namespace sightline {
+
+// `regions` are those that rows of the report refer to.
+v1::ReportScene PlanScene(const ReportData& data, const DisplayMesh& mesh,
+                          const std::vector<UncoveredRegion>& regions);
+
+}  // namespace sightline

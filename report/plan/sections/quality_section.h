@@ -1,0 +1,13 @@
+// SPDX-License-Identifier: Apache-2.0
+// How finely and under which angles each scan measures.
+#pragma once
+
+#include "report/document/report_parts.h"
+#include "sightline/v1/plan.pb.h"
+
+namespace sightline {
+
+// Empty if no scan of the plan has a quality.
+ReportBlocks QualityBlocks(const v1::Plan& plan);
+
+}  // namespace sightline
