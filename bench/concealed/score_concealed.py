@@ -20,6 +20,9 @@ BINS_OF_D = ("< 3", "3-10", "> 10")
 EXPLAINED_SHARE = 0.98
 # Remaining log-likelihood [nats] up to which recordings cannot tell an effect from the true one.
 NOT_TOLD_APART = 2
+# Probability that the set of answers is to hold.
+SET_PROBABILITY = 0.9
+UNKNOWN_KINDS = ("variant", "outside", "sealed")
 STAGES = ("illumination", "surface", "optics", "geometry", "sensor", "time", "none", "unknown")
 
 
@@ -164,6 +167,32 @@ def stages_accepted(effect):
         if "." in name:
             stages.add(name.split(".")[0])
     return stages
+
+
+def set_of_answers(answer):
+    """The explanations of the largest probabilities, as few as hold SET_PROBABILITY together; all of
+    them if they hold less."""
+    chosen, total = [], 0.0
+    for entry in sorted(ranked(answer), key=lambda e: -float(e.get("probability", 0))):
+        chosen.append(entry)
+        total += float(entry.get("probability", 0))
+        if total >= SET_PROBABILITY:
+            break
+    return chosen
+
+
+def set_holds_truth(truth, answer):
+    """Whether the set of answers holds an accepted one. Of laws outside the vocabulary that is
+    `unknown` with a right stage among those said, or an equivalent effect."""
+    effect = truth["effects"][0]
+    for entry in set_of_answers(answer):
+        if entry["effect"] == "unknown":
+            if truth["kind"] in UNKNOWN_KINDS and stages_accepted(effect) & (
+                    {stage_of(entry)} | set(stages_said(answer))):
+                return True
+        elif entry["effect"] in effect["accepted"]:
+            return True
+    return False
 
 
 def claims(answer):
@@ -354,7 +383,7 @@ def score_by_distinguishability(truths, answers, measured):
     for bin_of_d in BINS_OF_D:
         inside = [t for t in truths if measured.get(t["set"], {}).get("bin") == bin_of_d]
         known = [t for t in inside if t["kind"] in ("single", "strong")]
-        unknown = [t for t in inside if t["kind"] in ("variant", "outside", "sealed")]
+        unknown = [t for t in inside if t["kind"] in UNKNOWN_KINDS]
         tops = [(first(answers.get(t["set"])), t["effects"][0]) for t in known]
         parts = [excess_removed(t["effects"][0], answers.get(t["set"])) for t in unknown]
         parts = [part for part in parts if part is not None]
@@ -364,7 +393,11 @@ def score_by_distinguishability(truths, answers, measured):
                    for t in unknown)
         right = sum(_is_unknown_at_right_stages(t["effects"][0], answers.get(t["set"]))
                     for t in unknown)
+        both = known + unknown
+        held = sum(set_holds_truth(t, answers.get(t["set"])) for t in both)
+        sizes = [len(set_of_answers(answers.get(t["set"]))) for t in both]
         result[bin_of_d] = {
+            "set_holds_truth": share(held, len(both)), "median_set_size": quantile(sizes, 0.5),
             "known_named": share(named, len(known)), "known_called_unknown": share(rejected, len(known)),
             "unknown_right": share(right, len(unknown)), "unknown_stage_said": share(said, len(unknown)),
             "half_of_excess_removed": share(sum(p >= 0.5 for p in parts), len(parts))}
@@ -656,10 +689,12 @@ def report(result):
     lines += ["", "## By distinguishability D, in nats (bench/concealed/README.md)", ""]
     lines += table(["D", "known effect named first", "known effect called unknown",
                     "outside law: unknown or equivalent, right stage among at most two",
-                    "right stage among at most two said", "half of held-out excess removed"],
+                    "right stage among at most two said", "half of held-out excess removed",
+                    f"set of {SET_PROBABILITY:.0%} holds the truth", "its median size"],
                    [[bin_of_d] + [share_text(g[k]) for k in
                                   ("known_named", "known_called_unknown", "unknown_right",
-                                   "unknown_stage_said", "half_of_excess_removed")]
+                                   "unknown_stage_said", "half_of_excess_removed",
+                                   "set_holds_truth")] + [number(g["median_set_size"])]
                     for bin_of_d, g in result["distinguishability"].items()])
     fit = result["fit"]
     lines += ["", "## Fit after the model is added", "",

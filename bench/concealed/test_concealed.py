@@ -203,12 +203,25 @@ class Scores(unittest.TestCase):
         measured = {"s1": {"bin": "> 10"}, "s2": {"bin": "> 10"}, "s3": {"bin": "> 10"},
                     "s4": {"bin": "< 3"}}
         rates = score.score_by_distinguishability(truths, answers, measured)
-        hits = {d: {name: (g["hits"], g["of"]) for name, g in rates[d].items()} for d in rates}
-        self.assertEqual({"known_named": (1, 2), "known_called_unknown": (1, 2),
+        hits = {d: {name: (g["hits"], g["of"]) for name, g in rates[d].items()
+                    if name != "median_set_size"} for d in rates}
+        self.assertEqual({"set_holds_truth": (2, 3), "known_named": (1, 2), "known_called_unknown": (1, 2),
                           "unknown_right": (1, 1), "unknown_stage_said": (1, 1),
                           "half_of_excess_removed": (1, 1)}, hits["> 10"])
         self.assertEqual((0, 1), hits["< 3"]["unknown_right"])
         self.assertEqual((0, 0), hits["3-10"]["unknown_right"])
+
+    def test_the_set_of_answers_is_as_small_as_may_be(self):
+        given = answer(("optics.coma", "optics", 0.6), ("time.stage_speed", "time", 0.1),
+                       ("unknown", "sensor", 0.29))
+        self.assertEqual([0.6, 0.29, 0.1],
+                         [entry["probability"] for entry in score.set_of_answers(given)])
+        given = answer(("optics.coma", "optics", 0.6), ("unknown", "sensor", 0.35))
+        law = {"kind": "outside", "effects": [effect("outside.a", 20, "sensor", ["unknown"])]}
+        self.assertTrue(score.set_holds_truth(law, given))
+        # `unknown` is no right answer where the vocabulary has the effect.
+        known = {"kind": "single", "effects": [effect("sensor.prnu", 20)]}
+        self.assertFalse(score.set_holds_truth(known, given))
 
     def test_proven_equivalents(self):
         linear = effect("variant.linear_power_drift", 20, "illumination", ["unknown"])

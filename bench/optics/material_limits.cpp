@@ -20,6 +20,7 @@
 #include <fstream>
 #include <map>
 #include <memory>
+#include <numbers>
 #include <string>
 #include <tuple>
 #include <vector>
@@ -45,6 +46,7 @@
 namespace sightline::bench {
 namespace {
 
+constexpr double kRadPerDeg = std::numbers::pi / 180;
 constexpr char kName[] = "material_limits";
 
 struct Options {
@@ -117,7 +119,9 @@ struct Segment {
   double camera_incidence_deg = 0, laser_incidence_deg = 0;
   bool table = false;
   double found = 0, clipped = 0;  // largest share of found columns, and clipped share there
+  double exposure_s = 0;          // with which these were found
   int focus = -1;                 // index of the first focus distance that shows it; -1: none does
+  ExposureRange needed{};         // by the table, at the first crossing
 };
 
 // The exact points of one frame by column.
@@ -163,8 +167,12 @@ std::optional<bool> TableSays(const LightLimit& limit, const ScanGeometry& geome
       segment->camera_incidence_deg = degrees(to_camera);
       segment->laser_incidence_deg = degrees(to_laser);
       segment->depth_m = -to_camera.dot(camera.z_axis);
+      segment->needed = limit.tables().front().At(
+          to_camera.norm(), to_laser.norm(), std::cos(segment->camera_incidence_deg * kRadPerDeg),
+          std::cos(segment->laser_incidence_deg * kRadPerDeg),
+          to_camera.normalized().dot(to_laser.normalized()));
     }
-    if (normal.dot(first_normal) < std::cos(10 * 3.14159265358979 / 180)) return std::nullopt;
+    if (normal.dot(first_normal) < std::cos(10 * kRadPerDeg)) return std::nullopt;
     shown +=
         limit.At(limit.EntryOf(0), normal, to_camera, to_laser).verdict == LightVerdict::kDetected;
   }
@@ -240,6 +248,7 @@ bool CompareFrame(PartScene& part, const CoverageScene& scene, const LightLimit&
         if (found > shown[b].found) {
           shown[b].found = found;
           shown[b].clipped = clipped;
+          shown[b].exposure_s = setting.exposure_time_s;
         }
         if (found >= 0.9 && clipped <= inspection.optics->max_clipped_fraction &&
             shown[b].focus < 0) {
@@ -299,13 +308,14 @@ void WriteList(const std::string& path, const std::string& material,
   std::ofstream file(path, std::ios::app);
   if (file.tellp() == 0) {
     file << "material,depth_m,slope,camera_incidence_deg,laser_incidence_deg,table,found,clipped,"
-            "focus\n";
+            "exposure_s,focus,table_shortest_s,table_longest_s\n";
   }
   for (const Segment& s : list) {
-    file << absl::StrJoin(std::make_tuple(material, s.depth_m, s.slope, s.camera_incidence_deg,
-                                          s.laser_incidence_deg, s.table ? 1 : 0, s.found,
-                                          s.clipped, s.focus),
-                          ",")
+    file << absl::StrJoin(
+                std::make_tuple(material, s.depth_m, s.slope, s.camera_incidence_deg,
+                                s.laser_incidence_deg, s.table ? 1 : 0, s.found, s.clipped, s.focus,
+                                s.needed.shortest_s, s.needed.longest_s),
+                ",")
          << "\n";
   }
   if (!file) Fail(kName, path + ": cannot be written");

@@ -92,7 +92,7 @@ inline constexpr double kAbsorbed = 1e-6;
 // As kAbsorbed, of the other effect of an equivalence class.
 inline constexpr double kAbsorbedInClass = 1e-9;
 
-// --- Model-discrepancy terms (stages/terms_beside.cpp) ---
+// --- Model-discrepancy terms (terms/terms_beside.cpp) ---
 
 // Terms that are fitted again with fewer coefficients. Chosen: by time, a fit each.
 inline constexpr int kSelected = 4;

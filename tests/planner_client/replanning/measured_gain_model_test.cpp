@@ -27,7 +27,7 @@ Measurement At(double offset_y_m) {
 }
 
 // The scan at 0 was measured, and its points cover the targets 30 to 49 instead of 38 to 62.
-std::unique_ptr<MeasuredGainModel> GainModel(std::unique_ptr<FunctionGainModel> simulated) {
+std::unique_ptr<MeasuredGainModel> MeasuredModel(std::unique_ptr<FunctionGainModel> simulated) {
   MeasuredTargets told;
   told.covered.emplace_back(kTargets);
   for (size_t t = 30; t < 50; ++t) told.covered[0].Set(t);
@@ -37,7 +37,7 @@ std::unique_ptr<MeasuredGainModel> GainModel(std::unique_ptr<FunctionGainModel> 
 }
 
 TEST(MeasuredGainModel, MeasuredScansSettleWhatTheirPointsSay) {
-  const auto gain_model = GainModel(std::make_unique<FunctionGainModel>(kTargets, Covers));
+  const auto gain_model = MeasuredModel(std::make_unique<FunctionGainModel>(kTargets, Covers));
   const std::vector<Measurement> asked = {At(0.3), At(0)};
   for (const auto& coverage : {gain_model->FastCoverage(asked), gain_model->ExactCoverage(asked)}) {
     ASSERT_TRUE(coverage.ok());
@@ -53,7 +53,7 @@ TEST(MeasuredGainModel, MeasuredScansSettleWhatTheirPointsSay) {
 TEST(MeasuredGainModel, ForwardsWeightsOfTheGain) {
   auto weighted = std::make_unique<WeightedGainModel>(kTargets, Covers);
   const WeightedGainModel& asked = *weighted;
-  const auto gain_model = GainModel(std::move(weighted));
+  const auto gain_model = MeasuredModel(std::move(weighted));
   EXPECT_TRUE(gain_model->SetWeights({.information = 0.5}).ok());
   EXPECT_EQ(asked.weights().information, 0.5);
 }
@@ -64,7 +64,7 @@ TEST(MeasuredGainModel, MeasuredScansAreFeasible) {
   simulated->set_feasibility([](const Measurement& m) {
     return m.offset_y_m == 0 ? ScanFeasibility::kCollision : ScanFeasibility::kFeasible;
   });
-  const auto gain_model = GainModel(std::move(simulated));
+  const auto gain_model = MeasuredModel(std::move(simulated));
   const auto exact = gain_model->ExactCoverage(std::vector<Measurement>{At(0)});
   ASSERT_TRUE(exact.ok());
   EXPECT_EQ((*exact)[0].feasibility, ScanFeasibility::kFeasible);
@@ -72,7 +72,7 @@ TEST(MeasuredGainModel, MeasuredScansAreFeasible) {
 
 // The planner keeps the measured scan, in front, and satisfies what its points left open.
 TEST(MeasuredGainModel, PlansGoOnFromWhatPointsSettle) {
-  const auto gain_model = GainModel(std::make_unique<FunctionGainModel>(kTargets, Covers));
+  const auto gain_model = MeasuredModel(std::make_unique<FunctionGainModel>(kTargets, Covers));
   PlannerRequest request;
   request.domain = ThesisDomain();
   for (size_t p = 0; p < kMeasurementParameters; ++p) {

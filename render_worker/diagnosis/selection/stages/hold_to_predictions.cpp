@@ -5,8 +5,8 @@
 
 #include "render_worker/diagnosis/fit/fit_quality.h"
 #include "render_worker/diagnosis/fit/model_error.h"
-#include "render_worker/diagnosis/selection/stages/directed_test.h"
 #include "render_worker/diagnosis/selection/stages/stages.h"
+#include "render_worker/diagnosis/selection/terms/directed_test.h"
 #include "render_worker/diagnosis/selection/thresholds.h"
 #include "render_worker/evidence/judgement.h"
 

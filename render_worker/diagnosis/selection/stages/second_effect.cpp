@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "render_worker/diagnosis/random_effect/compare_random_effects.h"
-#include "render_worker/diagnosis/selection/stages/directed_test.h"
 #include "render_worker/diagnosis/selection/stages/screen.h"
 #include "render_worker/diagnosis/selection/stages/stages.h"
+#include "render_worker/diagnosis/selection/terms/directed_test.h"
 #include "render_worker/diagnosis/selection/thresholds.h"
 #include "render_worker/evidence/judgement.h"
 

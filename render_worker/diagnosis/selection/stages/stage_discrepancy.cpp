@@ -11,8 +11,8 @@
 #include "render_worker/diagnosis/fit/linear_fit.h"
 #include "render_worker/diagnosis/random_effect/compare_random_effects.h"
 #include "render_worker/diagnosis/selection/stages/stages.h"
-#include "render_worker/diagnosis/selection/stages/term_columns.h"
 #include "render_worker/diagnosis/selection/term_selection.h"
+#include "render_worker/diagnosis/selection/terms/term_columns.h"
 #include "render_worker/diagnosis/selection/thresholds.h"
 
 namespace sightline {

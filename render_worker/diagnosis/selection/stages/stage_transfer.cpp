@@ -7,7 +7,7 @@
 
 #include "render_worker/diagnosis/random_effect/compare_random_effects.h"
 #include "render_worker/diagnosis/selection/stages/stages.h"
-#include "render_worker/diagnosis/selection/stages/term_columns.h"
+#include "render_worker/diagnosis/selection/terms/term_columns.h"
 #include "render_worker/diagnosis/selection/thresholds.h"
 #include "render_worker/diagnosis/transfer/setting_split.h"
 #include "render_worker/diagnosis/transfer/transfer_score.h"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A named model is tested along discrepancies that it lacks.
-#include "render_worker/diagnosis/selection/stages/directed_test.h"
+#include "render_worker/diagnosis/selection/terms/directed_test.h"
 
 #include <gtest/gtest.h>
 

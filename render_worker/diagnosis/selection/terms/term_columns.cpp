@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render_worker/diagnosis/selection/stages/term_columns.h"
+#include "render_worker/diagnosis/selection/terms/term_columns.h"
 
 #include <algorithm>
 #include <utility>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render_worker/diagnosis/selection/stages/directed_test.h"
+#include "render_worker/diagnosis/selection/terms/directed_test.h"
 
 #include <algorithm>
 #include <cstddef>
@@ -10,7 +10,7 @@
 #include "render_worker/diagnosis/fit/linear_fit.h"
 #include "render_worker/diagnosis/fit/score_test.h"
 #include "render_worker/diagnosis/selection/stages/stages.h"
-#include "render_worker/diagnosis/selection/stages/term_columns.h"
+#include "render_worker/diagnosis/selection/terms/term_columns.h"
 #include "render_worker/diagnosis/selection/thresholds.h"
 #include "render_worker/evidence/judgement.h"
 

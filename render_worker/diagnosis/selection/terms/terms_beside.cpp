@@ -9,9 +9,9 @@
 
 #include "render_worker/diagnosis/fit/linear_fit.h"
 #include "render_worker/diagnosis/random_effect/compare_random_effects.h"
-#include "render_worker/diagnosis/selection/stages/directed_test.h"
 #include "render_worker/diagnosis/selection/stages/stages.h"
 #include "render_worker/diagnosis/selection/term_selection.h"
+#include "render_worker/diagnosis/selection/terms/directed_test.h"
 #include "render_worker/diagnosis/selection/thresholds.h"
 #include "render_worker/evidence/judgement.h"
 
