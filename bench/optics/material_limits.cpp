@@ -313,8 +313,8 @@ void WriteList(const std::string& path, const std::string& material,
   for (const Segment& s : list) {
     file << absl::StrJoin(
                 std::make_tuple(material, s.depth_m, s.slope, s.camera_incidence_deg,
-                                s.laser_incidence_deg, s.table ? 1 : 0, s.found, s.clipped, s.focus,
-                                s.needed.shortest_s, s.needed.longest_s),
+                                s.laser_incidence_deg, s.table ? 1 : 0, s.found, s.clipped,
+                                s.exposure_s, s.focus, s.needed.shortest_s, s.needed.longest_s),
                 ",")
          << "\n";
   }

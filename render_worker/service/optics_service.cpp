@@ -20,23 +20,48 @@ constexpr char kOpticsJobKind[] = "optics";
 constexpr char kDetectabilityJobKind[] = "detectability";
 constexpr int kMostPartMaterials = 64;
 
-// Resources of one job.
-struct OpticsWork {
-  explicit OpticsWork(std::string folder) : assets(std::move(folder)) {}
+// Resources of one job with a task of its kind.
+template <typename Task>
+struct Work {
+  explicit Work(std::string folder) : assets(std::move(folder)) {}
   AssetFolder assets;
   Inspection inspection;
   std::vector<ActiveEffect> effects;
-  OpticsTask task;
+  Task task;
 };
 
-// Resources of one table.
-struct DetectabilityWork {
-  explicit DetectabilityWork(std::string folder) : assets(std::move(folder)) {}
-  AssetFolder assets;
-  Inspection inspection;
-  std::vector<ActiveEffect> effects;
-  DetectabilityTask task;
-};
+// Reads the request's inspection with its effects.
+template <typename Task>
+absl::Status ReadInspection(const v1::Inspection& message, Work<Task>* work) {
+  SIGHTLINE_ASSIGN_OR_RETURN(work->inspection, ParsePartInspection(message, "inspection"));
+  SIGHTLINE_ASSIGN_OR_RETURN(work->effects, MakeEffects(work->inspection.effects));
+  return absl::OkStatus();
+}
+
+// Puts the request's assets into the job's folder. INVALID_ARGUMENT names the first of `needed`
+// that they lack.
+template <typename Assets>
+absl::Status AddAssets(const Assets& assets, const std::vector<std::string>& needed,
+                       AssetStore* store, AssetFolder* folder) {
+  SIGHTLINE_RETURN_IF_ERROR(folder->Add(assets, "assets", store));
+  for (const std::string& file : needed) {
+    if (folder->Has(file)) continue;
+    return InvalidFields({{"assets", absl::StrCat("has no entry for ", file)}});
+  }
+  return absl::OkStatus();
+}
+
+// `Hooks`: OpticsHooks or DetectabilityHooks. They refer to `context`.
+template <typename Hooks>
+Hooks HooksOf(int threads, int64_t max_image_bytes, const AnswerJobs::Progress& progress,
+              JobContext& context) {
+  Hooks hooks;
+  hooks.limits.threads = threads;
+  hooks.limits.max_image_bytes = max_image_bytes;
+  hooks.limits.cancelled = &context.cancelled();
+  hooks.on_progress = progress;
+  return hooks;
+}
 
 // Files of the inspection's materials.
 std::vector<std::string> FilesOfMaterials(const Inspection& inspection) {
@@ -64,11 +89,9 @@ absl::Status OpticsServiceImpl::Create(const std::string& peer,
     *response->mutable_job() = *std::move(admission.known);
     return absl::OkStatus();
   }
-  auto work =
-      std::make_shared<OpticsWork>(absl::StrCat(p_.spool_folder, "/optics-input-", next_folder_++));
-  SIGHTLINE_ASSIGN_OR_RETURN(work->inspection,
-                             ParsePartInspection(request.inspection(), "inspection"));
-  SIGHTLINE_ASSIGN_OR_RETURN(work->effects, MakeEffects(work->inspection.effects));
+  auto work = std::make_shared<Work<OpticsTask>>(
+      absl::StrCat(p_.spool_folder, "/optics-input-", next_folder_++));
+  SIGHTLINE_RETURN_IF_ERROR(ReadInspection(request.inspection(), work.get()));
   SIGHTLINE_ASSIGN_OR_RETURN(auto frames,
                              ParsePartFrames(request.frames(), work->inspection, "frames"));
   for (size_t i = 0; i < frames.size(); ++i) {
@@ -79,11 +102,8 @@ absl::Status OpticsServiceImpl::Create(const std::string& peer,
   }
   work->task.per_scan = request.per_scan();
   work->task.seed = request.has_seed() ? static_cast<uint64_t>(request.seed()) : 1;
-  SIGHTLINE_RETURN_IF_ERROR(work->assets.Add(request.assets(), "assets", p_.assets));
-  for (const std::string& file : AssetFiles(work->inspection)) {
-    if (work->assets.Has(file)) continue;
-    return InvalidFields({{"assets", absl::StrCat("has no entry for ", file)}});
-  }
+  SIGHTLINE_RETURN_IF_ERROR(
+      AddAssets(request.assets(), AssetFiles(work->inspection), p_.assets, &work->assets));
   auto job = answers_.Create(
       kOpticsJobKind, request, std::move(admission.room),
       [this, work](const AnswerJobs::Progress& progress,
@@ -92,13 +112,7 @@ absl::Status OpticsServiceImpl::Create(const std::string& peer,
             work->inspection, [&](const std::string& file) { return work->assets.Resolve(file); },
             nullptr);
         if (!scene.ok()) return work->assets.WithoutFolder(scene.status());
-        OpticsHooks hooks;
-        hooks.limits.threads = p_.threads;
-        hooks.limits.max_image_bytes = p_.max_image_bytes;
-        hooks.limits.cancelled = &context.cancelled();
-        hooks.on_progress = [&](double fraction, const std::string& what) {
-          progress(fraction, what);
-        };
+        const auto hooks = HooksOf<OpticsHooks>(p_.threads, p_.max_image_bytes, progress, context);
         auto plan = PlanOptics(**scene, work->effects, work->task, hooks);
         if (!plan.ok()) return work->assets.WithoutFolder(plan.status());
         return plan->SerializeAsString();
@@ -134,11 +148,9 @@ absl::Status OpticsServiceImpl::CreateTable(const std::string& peer,
     *response->mutable_job() = *std::move(admission.known);
     return absl::OkStatus();
   }
-  auto work = std::make_shared<DetectabilityWork>(
+  auto work = std::make_shared<Work<DetectabilityTask>>(
       absl::StrCat(p_.spool_folder, "/detectability-input-", next_folder_++));
-  SIGHTLINE_ASSIGN_OR_RETURN(work->inspection,
-                             ParsePartInspection(request.inspection(), "inspection"));
-  SIGHTLINE_ASSIGN_OR_RETURN(work->effects, MakeEffects(work->inspection.effects));
+  SIGHTLINE_RETURN_IF_ERROR(ReadInspection(request.inspection(), work.get()));
   if (request.part_materials().empty() || request.part_materials_size() > kMostPartMaterials) {
     return InvalidFields(
         {{"part_materials", absl::StrCat("has ", request.part_materials_size(),
@@ -154,22 +166,14 @@ absl::Status OpticsServiceImpl::CreateTable(const std::string& peer,
     task.min_detected_fraction = work->inspection.detectability->min_detected_fraction;
   }
   task.seed = request.has_seed() ? static_cast<uint64_t>(request.seed()) : 1;
-  SIGHTLINE_RETURN_IF_ERROR(work->assets.Add(request.assets(), "assets", p_.assets));
-  for (const std::string& file : FilesOfMaterials(work->inspection)) {
-    if (work->assets.Has(file)) continue;
-    return InvalidFields({{"assets", absl::StrCat("has no entry for ", file)}});
-  }
+  SIGHTLINE_RETURN_IF_ERROR(
+      AddAssets(request.assets(), FilesOfMaterials(work->inspection), p_.assets, &work->assets));
   auto job = answers_.Create(
       kDetectabilityJobKind, request, std::move(admission.room),
       [this, work](const AnswerJobs::Progress& progress,
                    JobContext& context) -> absl::StatusOr<std::string> {
-        DetectabilityHooks hooks;
-        hooks.limits.threads = p_.threads;
-        hooks.limits.max_image_bytes = p_.max_image_bytes;
-        hooks.limits.cancelled = &context.cancelled();
-        hooks.on_progress = [&](double fraction, const std::string& what) {
-          progress(fraction, what);
-        };
+        const auto hooks =
+            HooksOf<DetectabilityHooks>(p_.threads, p_.max_image_bytes, progress, context);
         auto table = MakeDetectabilityTable(
             work->inspection, work->effects,
             [&](const std::string& file) { return work->assets.Resolve(file); }, work->task, hooks);

@@ -41,18 +41,22 @@ class LinePlaceTerm final : public FreeFormEffect {
             {.id = "unknown.line_place",
              .stage = Stage::kGeometry,
              .summary = "line on the plate shifted by a X + b X^2 + c X^3 + d time + e "
-                        "(laser distance - 0.4 m)",
+                        "(laser distance - 0.4 m) + f X (camera distance - 0.4 m)",
              .reference = "thesis eq. 1.1-1.5 (triangulation)",
              .parameters = {Coefficient("slope", 0.5, 0.01), Coefficient("square_per_m", 10, 0.1),
                             Coefficient("cube_per_m2", 100, 1),
                             Coefficient("drift_m_per_s", 1e-5, 1e-7),
-                            Coefficient("with_laser_distance", 0.1, 2e-3)}}) {}
+                            Coefficient("with_laser_distance", 0.1, 2e-3),
+                            Coefficient("slope_with_camera_distance_per_m", 5, 0.1)}}) {}
 
   void OnPlate(PlateScene& scene, const FrameSetup& frame, Parameters p) const override {
     if (IsNull(p)) return;
     const double shift = p[3] * frame.timestamp_s + p[4] * (frame.plate.laser_distance_m - 0.4);
-    const std::array<double, 3> c = {p[0], p[1], p[2]};
-    if (!IsNull(p.first(3))) scene.constant_along_line = false;
+    // A guideway that rolls turns the camera, and so the line's slope, with the distance (ISO
+    // 230-1).
+    const std::array<double, 3> c = {p[0] + p[5] * (frame.plate.camera_distance_m - 0.4), p[1],
+                                     p[2]};
+    if (!IsNull(c)) scene.constant_along_line = false;
     scene.laser_irradiance_w_m2 = [=, before = std::move(scene.laser_irradiance_w_m2)](double x_m,
                                                                                        double s_m) {
       return before(x_m, s_m - shift - x_m * (c[0] + x_m * (c[1] + x_m * c[2])));

@@ -424,6 +424,56 @@ TEST_F(RenderServiceTest, UnknownThingsAreNotFound) {
   EXPECT_EQ(ErrorReason(stream), "JOB_UNKNOWN");
 }
 
+// A table of exposure times is a job as all others: its answer by its id, errors by fields.
+TEST_F(RenderServiceTest, ExposuresOfAMaterialAreAJob) {
+  const auto optics = v1::OpticsService::NewStub(channel_);
+  v1::CreateDetectabilityRequest request;
+  *request.mutable_inspection() = PartSpec().part().inspection();
+  auto* distance = request.mutable_inspection()->mutable_measurement()->mutable_camera_distance_m();
+  distance->set_fixed(0.3);
+  request.add_part_materials("");
+  const auto create = [&] {
+    grpc::ClientContext context;
+    SetTimeout(&context);
+    v1::CreateDetectabilityResponse response;
+    const absl::Status status =
+        FromGrpcStatus(optics->CreateDetectability(&context, request, &response));
+    return status.ok() ? absl::StatusOr<v1::Job>(response.job()) : status;
+  };
+  const auto get = [&](const std::string& id, v1::GetDetectabilityResponse* response) {
+    grpc::ClientContext context;
+    SetTimeout(&context);
+    v1::GetDetectabilityRequest asked;
+    asked.set_job_id(id);
+    return FromGrpcStatus(optics->GetDetectability(&context, asked, response));
+  };
+  v1::GetDetectabilityResponse response;
+  EXPECT_TRUE(absl::IsNotFound(get("gone", &response)));
+
+  const auto cancelled = create();
+  ASSERT_TRUE(cancelled.ok()) << cancelled.status();
+  ASSERT_TRUE(Cancel(cancelled->job_id()).ok());
+  const auto job = create();
+  ASSERT_TRUE(job.ok()) << job.status();
+  WaitUntil([&] { return Get(job->job_id()).state() == v1::Job::STATE_SUCCEEDED; });
+  ASSERT_TRUE(get(job->job_id(), &response).ok());
+  ASSERT_EQ(response.table().materials_size(), 1);
+  const v1::DetectabilityOfMaterial& material = response.table().materials(0);
+  EXPECT_EQ(material.shortest_exposure_time_s_size(),
+            material.camera_distances_m_size() * material.camera_incidence_deg_size() *
+                material.laser_incidence_deg_size() * material.azimuth_deg_size());
+  // Seen and lit along the normal, the line is found.
+  EXPECT_TRUE(std::isfinite(material.shortest_exposure_time_s(0)));
+  EXPECT_TRUE(absl::IsCancelled(get(cancelled->job_id(), &response)));
+
+  request.clear_part_materials();
+  EXPECT_THAT(create().status().message(), HasSubstr("part_materials"));
+  request.add_part_materials("");
+  request.mutable_inspection()->mutable_materials(0)->mutable_material()->mutable_merl()->set_file(
+      "gone.binary");
+  EXPECT_THAT(create().status().message(), HasSubstr("gone.binary"));
+}
+
 TEST_F(RenderServiceTest, ImageTooLargeIsRefusedUpFront) {
   v1::RenderSpec spec = PlateSpec();
   v1::Sensor* camera = spec.mutable_plate()->mutable_recordings()->mutable_camera();
