@@ -172,7 +172,7 @@ class DirectoryWalk {
           absl::StrCat("is divided into more than ", kMostNumbers / 2, " strips or tiles"));
     }
     std::string raw(wanted * each, '\0');
-    // Numbers behind the end of the file: the reader of pixels says that it is truncated.
+    // Numbers behind the end of the file: the reader of pixels reports that it is truncated.
     if (!read(raw.size(), raw.data())) return absl::OkStatus();
     std::vector<uint64_t>& values = directory->numbers[tag];
     values.clear();
