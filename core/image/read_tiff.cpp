@@ -189,7 +189,7 @@ absl::StatusOr<RawImageFile> ReadRawTiff(std::FILE* file, const ImageSizeCheck& 
   std::string message;
   const Tiff tiff = Open(file, &message);
   if (tiff == nullptr) {
-    return Damaged(message.empty() ? "it has no list of what is in it" : message);
+    return Damaged(message.empty() ? "it has no image file directory" : message);
   }
   TiffHeader header;
   SIGHTLINE_RETURN_IF_ERROR(ReadHeader(tiff.get(), &header));
