@@ -151,9 +151,9 @@ absl::StatusOr<PointCloud> LoadPoints(const std::string& path) {
     const auto bad = [](const Eigen::Vector3d& v) { return !v.allFinite(); };
     const auto first = std::find_if(vectors.begin(), vectors.end(), bad);
     if (first == vectors.end()) return absl::OkStatus();
-    return absl::InvalidArgumentError(
-        absl::StrCat(path, ": point ", first - vectors.begin(), ": its ", what, " is not finite (",
-                     std::count_if(first, vectors.end(), bad), " of ", vectors.size(), " points)"));
+    return absl::InvalidArgumentError(absl::StrCat(
+        path, ": point ", first - vectors.begin(), ": its ", what, " is not finite; points: ",
+        vectors.size(), ", not finite: ", std::count_if(first, vectors.end(), bad)));
   };
   SIGHTLINE_RETURN_IF_ERROR(first_bad(raw->positions, "position"));
   SIGHTLINE_RETURN_IF_ERROR(first_bad(raw->normals, "normal"));
