@@ -13,7 +13,7 @@
 #include "coverage_server/worker_process/worker_task.h"
 
 int main(int argc, char** argv) {
-  // First of all: this process may have been started as a worker of a server.
+  // Must come first: this process may have been started as a worker of a server.
   if (const std::optional<int> code = sightline::MaybeRunFieldWorker(argc, argv)) return *code;
   const std::array tasks = {sightline::OccluderMeshTask(), sightline::HullCornersTask()};
   if (const std::optional<int> code = sightline::MaybeRunWorkerTask(argc, argv, tasks)) {

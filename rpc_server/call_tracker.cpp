@@ -22,8 +22,8 @@ absl::Status Draining() {
       absl::Milliseconds(500));
 }
 
-// Traceparent of the caller; one of its own where he has none, so that the lines of one call can be
-// found together.
+// Traceparent of the caller, or a new one if the caller sent none, so that the log lines of one
+// call can be found together.
 std::string TraceparentOf(const grpc::ServerContext& context) {
   const auto& metadata = context.client_metadata();
   const auto found = metadata.find(kTraceparentKey);
@@ -35,14 +35,14 @@ std::string TraceparentOf(const grpc::ServerContext& context) {
 absl::Status TooManyOfPeer(const std::string& peer, int limit, const char* what) {
   return WithErrorInfo(
       absl::ResourceExhaustedError(absl::StrCat(peer, " has ", limit, " ", what,
-                                                " open already, more are not allowed at a time")),
+                                                " open already, which is the most allowed")),
       "PEER_QUOTA_EXCEEDED", {{"limit", absl::StrCat(limit)}});
 }
 
 absl::Status TooMany(int limit, const char* what) {
   return WithRetryDelay(
       WithErrorInfo(absl::UnavailableError(absl::StrCat("overloaded: ", limit, " ", what,
-                                                        " are open, no more are possible")),
+                                                        " are open, which is the most possible")),
                     "OVERLOADED"),
       absl::Seconds(1));
 }
@@ -78,7 +78,7 @@ class CallTracker::TimeLimit {
   TimeLimit(const TimeLimit&) = delete;
   TimeLimit& operator=(const TimeLimit&) = delete;
 
-  // Whether the call was ended; not any more from now on.
+  // Removes the limit. Returns whether it has ended the call before.
   bool Stop() {
     const std::lock_guard lock(calls_->watch_mutex_);
     calls_->watched_.erase(number_);
@@ -113,7 +113,7 @@ void CallTracker::EndOverdueCalls() {
         continue;
       }
       *watched.expired = true;
-      // As ServerContext::TryCancel, which cannot say why.
+      // Like ServerContext::TryCancel, but with a status for the client.
       grpc_call_cancel_with_status(watched.context->c_call(), GRPC_STATUS_DEADLINE_EXCEEDED,
                                    watched.message.c_str(), nullptr);
       it = watched_.erase(it);
@@ -169,7 +169,7 @@ void CallTracker::PublishSaturation() {
   {
     const std::lock_guard lock(mutex_);
     streams = open_.streams;
-    // Half a quarter apart, so that it does not change with every call.
+    // Hysteresis: on at 7/8, off below 6/8 of the calls, so that not every call changes the state.
     const int64_t busy_eighths = saturated_ ? 6 : 7;
     saturated = int64_t{8} * open_.calls >= busy_eighths * limits_.max_calls ||
                 open_.streams >= limits_.max_streams;
@@ -227,7 +227,7 @@ absl::StatusOr<bool> CallTracker::Read(grpc::ServerContext* context,
   AddInFlight(-1);
   const bool more = read();
   AddInFlight(1);
-  // A message that came at the last moment is of no use: the call is gone.
+  // The limit has ended the call, so a message that came at the last moment is of no use.
   if (limit.Stop()) return absl::DeadlineExceededError(message);
   return more;
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Common handling of every call of a server: admission, draining, time limits, metrics, logs,
-// status mapping.
+// Handles what all calls of a server have in common: admission, draining, time limits, metrics,
+// logs, status mapping.
 #pragma once
 
 #include <grpcpp/server_context.h>
@@ -23,12 +23,12 @@
 
 namespace sightline {
 
-// A call that waits for its client holds a thread for as long as the client likes: those must not
-// take all of them.
+// A stream waits for its client and holds a thread for as long as the client likes. Streams have a
+// limit of their own (CallLimits), so that they never hold all threads.
 enum class CallKind { kUnary, kStream };
 
 struct CallLimits {
-  // Calls open at a time, of any kind; reaching seven eighths of them counts as saturated.
+  // Open calls of both kinds together. The server is saturated from seven eighths of them on.
   int max_calls = std::numeric_limits<int>::max();
   int max_calls_per_peer = std::numeric_limits<int>::max();
   int max_streams = std::numeric_limits<int>::max();
@@ -49,31 +49,31 @@ class CallTracker {
   CallTracker(const CallTracker&) = delete;
   CallTracker& operator=(const CallTracker&) = delete;
 
-  // Before the first call.
+  // To be called before the first call.
   void SetLimits(const CallLimits& limits) { limits_ = limits; }
   const CallLimits& limits() const { return limits_; }
-  // `notify(saturated)` is called whenever that changes; calls do not overlap. Null: nobody.
+  // Calls `notify(saturated)` on every change of saturation, one call at a time. Null: no calls.
   void OnSaturation(std::function<void(bool)> notify);
 
-  // Runs one call: refuses it with UNAVAILABLE (reason DRAINING) while draining, with
-  // RESOURCE_EXHAUSTED (PEER_QUOTA_EXCEEDED) when its peer has too many open, with UNAVAILABLE
-  // (OVERLOADED) when all have together; turns exceptions into errors, counts and logs it.
+  // Runs one call, counts and logs it; exceptions become errors. Refusals: UNAVAILABLE (reason
+  // DRAINING) while draining, RESOURCE_EXHAUSTED (PEER_QUOTA_EXCEEDED) if its peer has too many
+  // calls or streams open, UNAVAILABLE (OVERLOADED) if all peers have too many streams open.
   grpc::Status Run(const std::string& method, grpc::ServerContext* context,
                    const std::function<absl::Status()>& call, CallKind kind = CallKind::kUnary);
 
-  // Waiting for the client's next message inside Run: does not hold up a drain. Returns what `read`
-  // does; DEADLINE_EXCEEDED if no message came within `patience`: the client gets that status.
+  // Waits for the client's next message inside Run, without holding up a drain. Returns the result
+  // of `read`; DEADLINE_EXCEEDED, also for the client, if no message came within `patience`.
   absl::StatusOr<bool> Read(grpc::ServerContext* context, const std::function<bool()>& read,
                             absl::Duration patience);
   absl::StatusOr<bool> Read(grpc::ServerContext* context, const std::function<bool()>& read) {
     return Read(context, read, limits_.idle_timeout);
   }
-  // Sending a message inside Run. CANCELLED: the client went away; DEADLINE_EXCEEDED: it took
-  // nothing for the idle timeout.
+  // Sends a message inside Run. CANCELLED: the client went away; DEADLINE_EXCEEDED: the client took
+  // no message within the idle timeout.
   absl::Status Write(grpc::ServerContext* context, const std::function<bool()>& write);
 
-  // Why this call should stop now: the client went away, its deadline passed, the server ends.
-  // OK: it should not.
+  // Reason to stop this call now: the client went away, its deadline passed, or the server ends.
+  // OK: there is none.
   absl::Status CheckStop(grpc::ServerContext* context) const;
 
   // Refuses new calls from now on.
@@ -90,7 +90,7 @@ class CallTracker {
     int calls = 0;
     int streams = 0;
   };
-  // Ends a call when its time is over, unless it goes before.
+  // Ends a call when its time is over, unless the limit is destroyed or stopped before.
   class TimeLimit;
   struct Watched {
     Clock::time_point end;
@@ -111,7 +111,7 @@ class CallTracker {
   std::atomic<bool> cancel_all_ = false;
   std::mutex mutex_;
   std::condition_variable idle_;
-  int in_flight_ = 0;  // those that hold up a drain
+  int in_flight_ = 0;  // calls that hold up a drain
   OpenCalls open_;
   std::map<std::string, OpenCalls> open_of_peer_;
   bool saturated_ = false;

@@ -20,9 +20,9 @@ namespace sightline {
 
 inline constexpr int64_t kSentChunkBytes = 512 << 10;
 
-// Sends the bytes [`begin`, `end`) of the file at `path` in messages of `response` with
-// chunks. DATA_LOSS names the file by `name` if it has become shorter or cannot be read; errors of
-// writing and of a call that is to stop.
+// Sends the bytes [`begin`, `end`) of the file at `path` as chunks in messages of `response`.
+// DATA_LOSS: the file, called `name` in the message, has become shorter or cannot be read. Also
+// returns the errors of CallTracker::Write and CheckStop.
 template <typename Response>
 absl::Status SendChunks(CallTracker* calls, grpc::ServerContext* context,
                         grpc::ServerWriter<Response>* writer, const std::string& path,

@@ -62,7 +62,7 @@ absl::StatusOr<std::shared_ptr<grpc::ChannelCredentials>> Credentials(
   tls.watch_identity_key_cert_pairs();
   tls.set_verify_server_certs(false);
   tls.set_check_call_host(false);
-#ifndef __clang_analyzer__  // It takes memory of gRPC for lost.
+#ifndef __clang_analyzer__  // It reports a leak of memory that gRPC owns.
   tls.set_certificate_verifier(
       grpc::experimental::ExternalCertificateVerifier::Create<AnyServer>());
 #endif

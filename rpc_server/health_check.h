@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A server asked whether it serves, by the standard gRPC health protocol.
+// Asks a server whether it serves, by the standard gRPC health protocol.
 #pragma once
 
 #include <optional>
@@ -12,24 +12,24 @@ namespace sightline {
 
 struct HealthCheckOptions {
   std::string address;  // "unix:PATH" or "HOST:PORT"
-  // E.g. "sightline.v1.CoverageService": whether it takes more work now; at most 127 bytes. Empty:
-  // whether the server is alive.
+  // Service, e.g. "sightline.v1.CoverageService", that is asked whether it takes more work now; at
+  // most 127 bytes. Empty: the server is asked whether it is alive.
   std::string service;
-  // PEM files that turn on TLS, shown to servers that want a client's certificate. The server's own
-  // certificate is not checked: it gets no secret, and its name is seldom that of the address.
+  // PEM files that turn on TLS; servers that require a client certificate get it. The server's
+  // certificate is not checked: the server gets no secret, and its name is seldom the address.
   std::string tls_certificate_file;
   std::string tls_key_file;
   absl::Duration timeout = absl::Seconds(3);
 };
 
-// OK: the server says SERVING. UNAVAILABLE: it says something else, or does not answer in time.
-// INVALID_ARGUMENT: certificate and key cannot be used.
+// OK: the server answers SERVING. UNAVAILABLE: it answers otherwise, or not in time.
+// INVALID_ARGUMENT: certificate and key cannot be used, or `service` is too long.
 absl::Status CheckHealth(const HealthCheckOptions& options);
 
-// For programs in containers, which have no other client beside them: with `--health-check ADDRESS
-// [--health-service NAME] [--tls-cert FILE --tls-key FILE]` among the arguments prints SERVING, or
-// the reason to stderr, and returns the exit code (0 serving, 1 not, 2 wrong arguments). Without
-// it: nothing.
+// For programs in containers that hold no other client. If the arguments have `--health-check
+// ADDRESS [--health-service NAME] [--tls-cert FILE --tls-key FILE]`, prints SERVING, or the reason
+// to stderr, and returns the exit code (0 serving, 1 not, 2 wrong arguments). Otherwise does
+// nothing and returns nullopt.
 std::optional<int> MaybeCheckHealth(int argc, const char* const* argv);
 
 }  // namespace sightline

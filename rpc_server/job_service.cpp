@@ -59,7 +59,7 @@ v1::Job JobToProto(const JobRecord& record) {
   job.set_message(record.message);
   job.set_result_key(record.result_key);
   if (!record.error.ok()) {
-    // Through the mapping of every other status: limits its length, makes it valid UTF-8.
+    // ToGrpcStatus limits the length of the message and makes it valid UTF-8.
     const grpc::Status error = ToGrpcStatus(record.error);
     job.set_error_code(error.error_code());
     job.set_error_message(error.error_message());
@@ -105,7 +105,7 @@ grpc::Status JobServiceImpl::WatchJob(grpc::ServerContext* context,
     int64_t sent_revision = -1;
     while (true) {
       if (!job.ok()) return job.status();
-      // Before a job that the drain cancelled is reported as cancelled: elsewhere it can be done.
+      // A drain cancels jobs. The client gets UNAVAILABLE instead: another server can do the job.
       if (calls_->draining() && job->state != JobState::kSucceeded) {
         return WithErrorInfo(absl::UnavailableError("the server is shutting down"), "DRAINING");
       }

@@ -17,14 +17,14 @@ namespace sightline {
 
 v1::Job JobToProto(const JobRecord& record);
 
-// One of them is there.
+// Exactly one of the two members is set.
 struct JobAdmission {
   std::optional<v1::Job> known;  // the job that the same request made before
   std::unique_ptr<JobRoom> room;
 };
-// To be called before a request is looked at; `fingerprint` and `bytes` are JobStore's.
-// ALREADY_EXISTS: its `request_id` was used for another; RESOURCE_EXHAUSTED (QUEUE_FULL): as much
-// waits already as may.
+// To be called before the content of a request is read; `fingerprint` and `bytes` as for JobStore.
+// ALREADY_EXISTS: the `request_id` was used for another request. RESOURCE_EXHAUSTED (QUEUE_FULL):
+// the limits on jobs are reached.
 absl::StatusOr<JobAdmission> AdmitJob(JobStore* jobs, const std::string& kind,
                                       const std::string& request_id,
                                       const std::function<std::string()>& fingerprint,
@@ -41,7 +41,7 @@ class JobServiceImpl final : public v1::JobService::Service {
                         v1::ListJobsResponse* response) override;
   grpc::Status CancelJob(grpc::ServerContext* context, const v1::CancelJobRequest* request,
                          v1::CancelJobResponse* response) override;
-  // While draining ends with UNAVAILABLE.
+  // Ends with UNAVAILABLE when the server drains.
   grpc::Status WatchJob(grpc::ServerContext* context, const v1::WatchJobRequest* request,
                         grpc::ServerWriter<v1::WatchJobResponse>* writer) override;
 

@@ -12,12 +12,12 @@ namespace sightline {
 // "unix:PATH".
 bool IsUnixAddress(const std::string& address);
 
-// The host of HOST:PORT or [V6]:PORT, without brackets. INVALID_ARGUMENT names `option`: it is
-// none.
+// The host of HOST:PORT or [V6]:PORT, without brackets. INVALID_ARGUMENT names `option`: the
+// address has another form.
 absl::StatusOr<std::string> HostOfAddress(const std::string& option, const std::string& address);
 
-// Whether only this machine reaches `host`: every address that the name or literal stands for is a
-// loopback one. UNAVAILABLE: the name is not known.
+// True if only this machine reaches `host`: all addresses of the name or literal are loopback
+// addresses. UNAVAILABLE: the name is not known.
 absl::StatusOr<bool> IsLoopbackHost(const std::string& host);
 
 }  // namespace sightline

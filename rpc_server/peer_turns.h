@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Work that takes much memory, a few at a time and one of each peer.
+// Limits work that takes much memory: a few calls at a time, one of each peer.
 #pragma once
 
 #include <condition_variable>
@@ -14,14 +14,14 @@
 
 namespace sightline {
 
-// Turns that calls wait for. A peer has at most one, so that one which sends expensive work without
-// end leaves the other turns to others. Thread-safe; must outlive its turns.
+// Calls wait for a turn. A peer has at most one turn, so a peer that sends expensive work without
+// end leaves the other turns to other peers. Thread-safe; must outlive its turns.
 class PeerTurns {
  public:
   // `turns`: at least 1.
   explicit PeerTurns(size_t turns) : turns_(turns) {}
 
-  // Given back when it goes.
+  // Its destructor gives the turn back.
   class Turn {
    public:
     Turn(PeerTurns* turns, std::string peer) : turns_(turns), peer_(std::move(peer)) {}
@@ -35,8 +35,8 @@ class PeerTurns {
     std::string peer_;
   };
 
-  // Waits until a turn is free and `peer` has none. `check_stop` is asked some ten times a second;
-  // its error ends the wait and is returned.
+  // Waits until a turn is free and `peer` has none. Calls `check_stop` about ten times a second; an
+  // error of it ends the wait and is returned.
   absl::StatusOr<Turn> Wait(const std::string& peer,
                             const std::function<absl::Status()>& check_stop);
 
@@ -44,7 +44,7 @@ class PeerTurns {
   const size_t turns_;
   std::mutex mutex_;
   std::condition_variable given_back_;
-  std::set<std::string> peers_;  // that have a turn
+  std::set<std::string> peers_;  // peers that have a turn
 };
 
 }  // namespace sightline

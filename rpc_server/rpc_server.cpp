@@ -30,19 +30,19 @@ constexpr char kUnixPrefix[] = "unix:";
 
 // Connections that do not become HTTP/2, or TLS, within this time are closed.
 constexpr int kHandshakeTimeout_ms = 10000;
-// A peer that is gone without a word is found out within their sum.
+// The server notices a peer that vanished without closing within the sum of these two times.
 constexpr int kKeepaliveTime_ms = 30000;
 constexpr int kKeepaliveTimeout_ms = 20000;
 // Clients ping a server that computes (planner_client/rpc_client/channel.h); one that pings more
 // often than this is cut off.
 constexpr int kLeastPingInterval_ms = 20000;
-// Connections without calls; clients that come back open a new one by themselves.
+// Connections without calls are closed after this time; clients reconnect by themselves.
 constexpr int kConnectionIdle_ms = 300000;
-// Memory of messages in transfer, before their calls are known. Above it, gRPC ends calls and
-// connections.
+// Limit on the memory of messages in transfer, whose calls are not yet known. gRPC ends calls and
+// connections above it.
 constexpr size_t kMaxMessageMemoryBytes = size_t{1} << 30;
 
-// INVALID_ARGUMENT if the path cannot be one of a socket, UNAVAILABLE if a server answers there.
+// INVALID_ARGUMENT: the path cannot name a socket. UNAVAILABLE: a server answers there.
 absl::Status CheckUnixAddress(const std::string& listen) {
   const std::string path = listen.substr(sizeof(kUnixPrefix) - 1);
   sockaddr_un address{};
@@ -99,9 +99,9 @@ absl::Status CheckMetricsAddress(const RpcServerOptions& options) {
       "127.0.0.1, or add --allow-plaintext on a network that you trust"));
 }
 
-// Messages must come as they are: gRPC unpacks a whole message before it checks the unpacked size,
-// and a gigabyte of zeros takes a megabyte on the wire. Calls that say they compress get
-// UNIMPLEMENTED from gRPC; should one get past that, its message stays packed and cannot be parsed.
+// Refuses compressed messages: gRPC unpacks a whole message before it checks the unpacked size,
+// and a gigabyte of zeros takes a megabyte on the wire. gRPC answers UNIMPLEMENTED to calls that
+// announce compression. Without the announcement the message stays packed and cannot be parsed.
 void RefuseCompression(grpc::ServerBuilder& builder) {
   for (int algorithm = GRPC_COMPRESS_NONE + 1; algorithm < GRPC_COMPRESS_ALGORITHMS_COUNT;
        ++algorithm) {
@@ -111,7 +111,7 @@ void RefuseCompression(grpc::ServerBuilder& builder) {
   builder.AddChannelArgument(GRPC_ARG_ENABLE_PER_MESSAGE_DECOMPRESSION, 0);
 }
 
-// Streams wait for their clients: half of the threads stay for calls that do not.
+// Streams wait for their clients, so half of the threads are reserved for unary calls.
 CallLimits LimitsOf(const RpcServerOptions& options) {
   const auto share_of = [&](int all) {
     return std::max(1, static_cast<int>(options.peer_share * all));
@@ -164,7 +164,7 @@ absl::Status RpcServer::Listen(const RpcServerOptions& options,
   grpc::ServerBuilder builder;
   int port = 0;
   builder.AddListeningPort(options.listen, credentials, &port);
-  // Otherwise a second server on the same port silently takes a share of the calls.
+  // With SO_REUSEPORT a second server on the same port would silently take some of the calls.
   builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
   builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS, kHandshakeTimeout_ms);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepaliveTime_ms);
@@ -224,7 +224,7 @@ bool RpcServer::Drain(absl::Duration grace) {
   }
   const bool finished = calls_->WaitUntilIdle(grace);
   calls_->CancelAll();
-  // Idle streams, health watches, and calls that were just cancelled.
+  // Time for idle streams, health watches and the calls cancelled above to end.
   server_->Shutdown(std::chrono::system_clock::now() +
                     std::chrono::milliseconds(finished ? 20 : 300));
   server_->Wait();

@@ -41,7 +41,7 @@ struct RpcServerOptions {
   // Prometheus: http://METRICS_HOST:METRICS_PORT/metrics; -1: off, 0: any free port.
   std::string metrics_host = "127.0.0.1";
   int metrics_port = -1;
-  // Whether other machines may reach the server without TLS, and its metrics, which have none.
+  // Lets other machines reach the server without TLS, and its metrics, which never have TLS.
   bool allow_plaintext = false;
   // PEM files, see TlsFiles; they may be replaced while the server runs.
   std::string tls_certificate_file;
@@ -49,24 +49,24 @@ struct RpcServerOptions {
   std::string tls_client_ca_file;
 };
 
-// Something that serves until it is drained.
+// A server that runs until it is drained.
 class RunningServer {
  public:
   virtual ~RunningServer() = default;
   // Address that clients connect to: "unix:PATH" or "HOST:PORT" with the actual port.
   virtual const std::string& address() const = 0;
-  // Graceful end: health turns NOT_SERVING, new calls are refused with UNAVAILABLE, watches end,
-  // jobs are cancelled; running calls may finish within `grace`, then they are cancelled too.
-  // Returns true if all finished in time. The server still answers health checks meanwhile and is
-  // down afterwards.
+  // Ends the server gracefully: health turns NOT_SERVING, new calls are refused with UNAVAILABLE,
+  // watches end, jobs are cancelled. Running calls may finish within `grace` and are cancelled
+  // afterwards. Returns true if all finished in time. The server answers health checks until it is
+  // down.
   virtual bool Drain(absl::Duration grace) = 0;
-  // Removes its files on disk as far as it can while it still runs: the process is about to end
-  // without waiting any longer.
+  // Called when the process is about to end without waiting for Drain: removes files of the server
+  // from disk as far as possible while it still runs.
   virtual void Abandon() {}
 };
 
-// Serves a JobService over `jobs` and the services of its owner, which must outlive it or its
-// Drain. Null `jobs`: there is no JobService, and Drain cancels nothing.
+// Serves a JobService over `jobs` and the services of its owner; both must exist until Drain has
+// returned. Null `jobs`: there is no JobService, and Drain cancels nothing.
 class RpcServer : public RunningServer {
  public:
   struct NamedService {
@@ -74,7 +74,7 @@ class RpcServer : public RunningServer {
     grpc::Service* service;
   };
 
-  // `name`: of the program, for logs. Pointers must outlive the server.
+  // `name`: name of the program, for logs. The pointers' targets must outlive the server.
   RpcServer(std::string name, ServerMetrics* metrics, CallTracker* calls, JobStore* jobs);
   ~RpcServer() override;
 
@@ -83,7 +83,7 @@ class RpcServer : public RunningServer {
   absl::Status Listen(const RpcServerOptions& options, const std::vector<NamedService>& services);
 
   const std::string& address() const override { return address_; }
-  // 0 if metrics are off.
+  // Port of the metrics; 0 if metrics are off.
   int metrics_port() const { return metrics_port_; }
   bool Drain(absl::Duration grace) override;
 

@@ -45,7 +45,7 @@ Certificate FirstCertificate(const std::string& pem) {
   return {PEM_read_bio_X509(MemoryOf(pem).get(), nullptr, &NoPassword, nullptr), &X509_free};
 }
 
-// The provider below takes any files and only fails later, connection by connection.
+// Checks the files now, because the provider below takes any files and fails at each connection.
 absl::Status CheckContent(const TlsFiles& files, const std::string& certificate_pem,
                           const std::string& key_pem) {
   const Certificate certificate = FirstCertificate(certificate_pem);

@@ -11,16 +11,16 @@
 
 namespace sightline {
 
-// PEM files. Certificate and key: TLS; a client CA as well: clients must have a certificate of it.
+// PEM files. Certificate and key turn on TLS. With a client CA, clients need a certificate of it.
 struct TlsFiles {
   std::string certificate;
   std::string key;
   std::string client_ca;
 };
 
-// Without a certificate: none. The files are read anew every two seconds: connections made
-// afterwards use what they hold then. While certificate and key do not belong together, or a file
-// cannot be read, new connections may fail; existing ones stay.
+// Without a certificate the credentials are insecure ones (plain text). The files are read again
+// every two seconds, for connections made afterwards. While certificate and key do not belong
+// together, or a file cannot be read, new connections may fail; existing ones stay.
 // INVALID_ARGUMENT names option, file and reason.
 absl::StatusOr<std::shared_ptr<grpc::ServerCredentials>> MakeServerCredentials(
     const TlsFiles& files);

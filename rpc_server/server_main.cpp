@@ -44,7 +44,7 @@ bool InstallSignalHandlers() {
   sigaction(SIGTERM, &action, nullptr);
   sigaction(SIGINT, &action, nullptr);
   signal(SIGPIPE, SIG_IGN);
-  // Writing beyond a limit on file sizes is an error like a full disk.
+  // Then a write beyond the limit on file sizes fails (EFBIG) like one on a full disk.
   signal(SIGXFSZ, SIG_IGN);
   return true;
 }
@@ -74,7 +74,7 @@ StopCause WaitForStop(int parent_fd, absl::Duration timeout = absl::InfiniteDura
   }
 }
 
-// "trace_id=... " of the request that the thread works on, where it works on one.
+// Writes "trace_id=... " of the thread's request; nothing if the thread works on none.
 class TraceFlag final : public spdlog::custom_flag_formatter {
  public:
   void format(const spdlog::details::log_msg&, const std::tm&,
@@ -93,7 +93,7 @@ class TraceFlag final : public spdlog::custom_flag_formatter {
 
 void StartLogging(const std::string& name, const std::string& level) {
   auto logger = spdlog::stderr_logger_mt(name);
-  // key=value all through, for machines.
+  // All fields are key=value, so that programs can read them.
   auto formatter = std::make_unique<spdlog::pattern_formatter>(spdlog::pattern_time_type::utc);
   formatter->add_flag<TraceFlag>('*').set_pattern(
       "time=%Y-%m-%dT%H:%M:%S.%eZ level=%l pid=%P %*%v");
@@ -156,16 +156,16 @@ int ServerMain(int argc, char** argv, const ServerProgram& program, RpcServerOpt
       ->capture_default_str();
   app.add_option(
       "--tls-cert", options->tls_certificate_file,
-      "PEM certificate chain; turns on TLS. Read anew when it changes, as the two below");
+      "PEM certificate chain; turns on TLS. Read again when it changes, like the two below");
   app.add_option("--tls-key", options->tls_key_file, "PEM private key");
   app.add_option("--tls-client-ca", options->tls_client_ca_file,
                  "PEM; clients must show a certificate of it (mTLS)");
-  app.add_option("--log-level", log_level, "What goes to stderr; debug: every call")
+  app.add_option("--log-level", log_level, "Least level logged to stderr; debug logs all calls")
       ->check(CLI::IsMember({"debug", "info", "warning", "error"}))
       ->capture_default_str();
   app.add_option("--parent-fd", parent_fd,
                  "Read end of a pipe; the server ends when its other end is closed");
-  std::string ignored;  // read above; here for --help
+  std::string ignored;  // MaybeCheckHealth has read it; here for --help
   app.add_option("--health-check", ignored,
                  "Ask the server at this address whether it serves, and end: exit code 0 if so. "
                  "With --tls-cert and --tls-key by TLS");
@@ -203,12 +203,12 @@ int ServerMain(int argc, char** argv, const ServerProgram& program, RpcServerOpt
   std::fflush(stdout);
 
   const StopCause cause = WaitForStop(parent_fd);
-  // The answers of an embedded server whose parent is gone are not wanted.
+  // If the parent process is gone, nobody waits for answers.
   const absl::Duration grace =
       cause == StopCause::kParentGone ? absl::ZeroDuration() : absl::Seconds(drain_seconds);
-  // At a second signal, and when work does not stop on request, the process ends as it is. The lock
-  // is kept for good once the server goes; both outlive this function, as the thread
-  // does.
+  // Ends the process at a second signal, or if work does not stop on request. Once the drain is
+  // over, the lock stays held, so that the thread does not touch the server any more. Lock and
+  // thread outlive this function.
   static std::timed_mutex server_exists;
   RunningServer* const running = server->get();
   const absl::Duration hard_stop = grace + program.stop_within;

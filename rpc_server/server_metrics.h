@@ -24,11 +24,11 @@ class ServerMetrics {
   void CountRequest(const std::string& method, const std::string& code, absl::Duration latency);
   void SetInFlight(int64_t calls);
   void SetStreams(int64_t streams, bool saturated);
-  // A call that was over a limit.
+  // Counts a call that was refused.
   void CountRefused() { refused_.Increment(); }
 
   std::shared_ptr<prometheus::Registry> registry() const { return registry_; }
-  // Source of each scrape: the registry, unless a server must look things up first.
+  // Source of every scrape: the registry, unless a server updates its values before a scrape.
   virtual std::shared_ptr<prometheus::Collectable> collectable() { return registry_; }
   // A gauge without labels.
   prometheus::Gauge& AddGauge(const std::string& name, const std::string& help);

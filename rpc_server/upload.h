@@ -21,22 +21,22 @@ namespace sightline {
 
 struct ReceivedFile {
   std::string bytes;
-  SharedLimit::Share memory;  // for as long as the bytes are there
+  SharedLimit::Share memory;  // counts `bytes`; keep it while they exist
 };
 
-// Takes memory for bytes that came; who announces much and sends nothing takes nothing.
-// UNAVAILABLE (OVERLOADED): `peer`, whose share it is, or all peers together are uploading too
-// much.
+// Counts bytes that have arrived towards the share of `peer`. An announced size alone counts
+// nothing. UNAVAILABLE (OVERLOADED): the peer, or all peers together, have more uploads in memory
+// than allowed.
 absl::Status GrowUpload(SharedLimit::Share* memory, const std::string& peer, int64_t bytes);
 
 inline constexpr size_t kMaxUploadChunkBytes = 1 << 20;
-// Slower uploads are ended, once the idle timeout has passed: many small messages must not keep
-// memory for hours. A tenth of the speed that our own clients expect.
+// Slower uploads are ended once the idle timeout has passed, so that many small messages do not
+// hold memory for hours. It is a tenth of the speed that our own clients expect.
 inline constexpr double kSlowestUpload_bytes_per_s = 1e5;
 
-// Hands every chunk after a header that announced `size` bytes to `take(chunk)`, whose errors end
-// the call; `reader` stands behind the header. INVALID_ARGUMENT: something else came, or not so
-// many bytes; DEADLINE_EXCEEDED: too slowly.
+// Passes every chunk to `take(chunk)`; an error of `take` ends the call. The header has been read
+// from `reader` and announced `size` bytes. INVALID_ARGUMENT: a message without a chunk, an empty
+// or too large chunk, or another number of bytes. DEADLINE_EXCEEDED: the upload is too slow.
 template <typename Request, typename Take>
 absl::Status ForEachChunk(CallTracker* calls, grpc::ServerContext* context,
                           grpc::ServerReader<Request>* reader, int64_t size, const Take& take) {
@@ -55,7 +55,7 @@ absl::Status ForEachChunk(CallTracker* calls, grpc::ServerContext* context,
       return InvalidFields(
           {{"chunk", absl::StrCat(chunk.size(), " bytes: at most ", kMaxUploadChunkBytes)}});
     }
-    // A stream of messages without bytes would keep a call and its thread busy for nothing.
+    // Messages without bytes would keep a call and its thread busy for nothing.
     if (chunk.empty() && size > 0) {
       return InvalidFields({{"chunk", "is empty"}});
     }
@@ -79,8 +79,8 @@ absl::Status ForEachChunk(CallTracker* calls, grpc::ServerContext* context,
   return absl::OkStatus();
 }
 
-// The same chunks in memory, of which `memory` limits the bytes. Errors of ForEachChunk;
-// UNAVAILABLE: too much at a time.
+// Collects the chunks in memory; `memory` limits the bytes of all uploads. Errors as
+// ForEachChunk; UNAVAILABLE as GrowUpload.
 template <typename Request>
 absl::StatusOr<ReceivedFile> ReceiveChunks(CallTracker* calls, grpc::ServerContext* context,
                                            grpc::ServerReader<Request>* reader, int64_t size,

@@ -23,11 +23,11 @@ constexpr Limits kPermitted{0, 1, " m", true};
 constexpr Limits kRuns{20, 10000, ""};
 constexpr Limits kExposureTime{0, 1000, " s", true};
 
-// Sizes by default, in widths of the field.
+// Default sizes, relative to the width of the field.
 constexpr double kSphereOfField = 0.2, kBarOfField = 0.6, kPlateOfField = 0.7, kRingOfField = 0.25;
-// Side of the hole pattern by default, and the least one in diameters of its bores.
+// Default side of the hole pattern relative to the field, and its least side in bore diameters.
 constexpr double kPatternOfField = 0.6, kLeastPitch = 1.1;
-// An artefact of a default size that does not fit is made smaller so many times by a tenth.
+// Most reductions by a tenth of an artefact whose default size does not fit.
 constexpr int kShrinks = 30;
 
 absl::StatusOr<PermittedError> ParseLimit(const v1::AcceptanceLimit& message, const Checker& check,
@@ -106,7 +106,7 @@ absl::Status AddFitting(const SizedArtefact& sized, const Rig& rig, const ScanGe
   absl::Status fits;
   for (int i = 0; i <= kShrinks; ++i) {
     fits = FittingOf(sized.make(size_m), rig, geometry, limits, &fitting, &left_out);
-    // A bar of the default length is made shorter until it can be inclined as well.
+    // A bar of default length is shortened until its inclined position fits too.
     if ((fits.ok() && (left_out.empty() || sized.stated_m)) || sized.stated_m || i == kShrinks) {
       break;
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `acceptance` of an inspection as validated values, the place of the sensors, and the artefacts
+// `acceptance` of an inspection as validated values, the position of the sensors, and the artefacts
 // that fit into their field.
 #pragma once
 
@@ -23,7 +23,7 @@ struct PermittedError {
 };
 
 struct AcceptanceSettings {
-  // Unset: as the field suggests.
+  // Unset: derived from the size of the field.
   std::optional<double> sphere_diameter_m, ball_bar_length_m, plate_side_m, ring_diameter_m;
   std::vector<PermittedError> limits;
   std::optional<Measurement> place;
@@ -37,11 +37,11 @@ struct AcceptanceSettings {
 absl::StatusOr<AcceptanceSettings> ParseAcceptance(const v1::Acceptance& message,
                                                    const std::string& context);
 
-// The stated place, else the one of the domain that is nearest to 0.4 m, 30 degrees, azimuth 0, and
-// to camera and laser at equal angles to the vertical.
+// The stated position; else the position of the domain nearest to 0.4 m, 30 degrees, azimuth 0,
+// with camera and laser at equal angles to the vertical.
 Measurement PlaceOfSensors(const AcceptanceSettings& settings, const MeasurementDomain& domain);
 
-// Along the laser line where camera and laser meet.
+// Width of the field along the laser line, at the point where camera and laser meet [m].
 double FieldWidth(const Rig& rig, const Measurement& place);
 
 struct ArtefactChoice {
@@ -49,8 +49,8 @@ struct ArtefactChoice {
   std::vector<std::string> warnings;  // a ball bar that cannot be inclined, a pattern too large
 };
 
-// INVALID_ARGUMENT: an artefact of the stated size does not fit into the field, or none does; or
-// the sheet holds the direction of the stage. It names `context` and the field.
+// INVALID_ARGUMENT names `context` and the field: an artefact of the stated size does not fit into
+// the field of view, no artefact fits, or the sheet contains the direction of the stage.
 absl::StatusOr<ArtefactChoice> ChooseArtefacts(const AcceptanceSettings& settings, const Rig& rig,
                                                const ScanGeometry& geometry,
                                                const SightLimits& limits,

@@ -25,7 +25,7 @@ struct ArtefactSurface {
   double half_side_m = 0;    // plane
   double half_length_m = 0;  // bore, along its axis from point_m
   Eigen::Vector3d reference_m =
-      Eigen::Vector3d::Zero();  // the place that points most towards camera and laser
+      Eigen::Vector3d::Zero();  // point whose normal is nearest to camera and laser
 };
 
 enum class ArtefactKind { kSphere, kBallBar, kPlate, kRing, kHolePattern };
@@ -36,30 +36,32 @@ struct Artefact {
   std::vector<ArtefactSurface> surfaces;
 };
 
-// Unit normal on the side of the air.
+// Unit normal, out of the material.
 Eigen::Vector3d AirNormal(const ArtefactSurface& surface, const Eigen::Vector3d& point_m);
 
-// Points of the surface where a line meets it, both ways, inside its borders.
+// Intersections of a line (in both directions) with the surface, within its borders.
 std::vector<Eigen::Vector3d> Crossings(const ArtefactSurface& surface,
                                        const Eigen::Vector3d& point_m,
                                        const Eigen::Vector3d& direction);
 
-// Whether the surface faces `from` at the point, at most `most_incidence_rad` off its normal, and
-// does not hide the point from there.
+// True if the point is visible from `from`: with an incidence of at most `most_incidence_rad`, and
+// not hidden by the surface itself.
 bool IsSeen(const ArtefactSurface& surface, const Eigen::Vector3d& point_m,
             const Eigen::Vector3d& from_m, double most_incidence_rad);
 
 // Points all over the surface, about `count`.
 std::vector<Eigen::Vector3d> SamplePoints(const ArtefactSurface& surface, int count);
 
-// Lengths are above 0. The middle of what camera and laser see is where they meet. A bore has its
-// axis 50 degrees off the bisector of camera and laser and is a quarter of its diameter long.
+// Lengths are above 0. The middle of the visible surface lies where camera and laser meet. The axis
+// of a bore is 50 degrees off the bisector of camera and laser; its length is a quarter of its
+// diameter.
 Artefact MakeSphere(const ScanGeometry& geometry, double diameter_m);
 Artefact MakePlate(double side_m);
 Artefact MakeRing(const ScanGeometry& geometry, double diameter_m);
-// Four bores like that of the ring, at the corners of a square of that side across their axis. The
-// pattern is measured in two set-ups, between which it is turned by half a turn about the bores'
-// axis: bore k lies where bore OppositeBore(k) lay, and another side of its wall is seen.
+// Four bores like that of the ring, at the corners of a square of side `side_m` across their axis.
+// The pattern is measured in two set-ups and turned by 180 degrees about the bores' axis between
+// them. In the second set-up bore k lies where bore OppositeBore(k) lay, and the other side of its
+// wall is seen.
 Artefact MakeHolePattern(const ScanGeometry& geometry, double side_m, double bore_diameter_m);
 inline int OppositeBore(int bore) { return (bore + 2) % 4; }
 // One bar in four directions: along the laser line, along the stage, between both, and along the

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Quantities of acceptance tests from fitted surfaces: errors of size, form and distance.
+// Evaluates acceptance tests by fitted surfaces: errors of size, form and distance.
 #pragma once
 
 #include <Eigen/Core>
@@ -44,21 +44,21 @@ struct SurfacePoints {
   std::vector<Eigen::Vector3d> normals;  // of the nominal surface
 };
 
-// Least-squares surfaces (core/association) through the points of every surface of the artefact,
-// and the errors by them in the order of AcceptanceQuantities() of its kind [m]. Empty: points that
-// do not determine a surface. A hole pattern has the points of its bores in the first set-up, then
-// those at the same places in the second one.
+// Fits every surface of the artefact to its points by least squares (core/association) and returns
+// the errors [m] in the order of AcceptanceQuantities() of its kind. Empty: the points do not
+// determine a surface. A hole pattern has the points of its bores in the first set-up, then
+// those at the same positions in the second.
 std::vector<double> FittedErrors(const Artefact& artefact,
                                  const std::vector<SurfacePoints>& points);
 
-// The distance of the bores 0 and 2 of a hole pattern, 0 from the first set-up and 2 from the
-// second. The set-ups are joined by the best fit of all four axes, a shift and a turn across them.
-// Its error is the sum over set-ups s and places b of weights w_sb with the displacements of the
-// axes' middles [m].
+// Linear weights of the distance between bore 0 (first set-up) and bore 2 (second set-up) of a hole
+// pattern. The set-ups are joined by the best fit of all four axes, a shift and a turn across them.
+// The error of the distance is the sum over set-ups s and positions b of w_sb . displacement of the
+// axis' middle [m].
 struct HolePatternWeights {
   // [set-up][place]; across the bores' axis.
   std::array<std::array<Eigen::Vector3d, 4>, 2> all;
-  // The part of them that comes by joining the set-ups.
+  // The part of the weights that joining the set-ups causes.
   std::array<std::array<Eigen::Vector3d, 4>, 2> joining;
 };
 HolePatternWeights WeightsOfHolePattern(const Artefact& pattern);
@@ -70,19 +70,19 @@ struct PointNoise {
   Eigen::Vector3d first_m, second_m;
 };
 
-// The same to first order, for deviations of the points along their normals.
+// First-order (linearised) fit of a surface to deviations of points along their normals.
 class LinearFit {
  public:
-  // Places that are not all on a line, at least as many as parameters.
+  // Needs at least as many points as parameters, not all on one line.
   LinearFit(const ArtefactSurface& surface, const std::vector<Eigen::Vector3d>& positions_m,
             const std::vector<Eigen::Vector3d>& normals);
 
-  // Changes of the parameters by deviations, a column each.
+  // Changes of the parameters; one column per column of deviations.
   Eigen::MatrixXd Parameters(const Eigen::MatrixXd& deviations_m) const;
-  // Deviations that the fit leaves.
+  // Residuals of the fit.
   Eigen::MatrixXd Residuals(const Eigen::MatrixXd& deviations_m) const;
-  // Sums over the points of squared sensitivities times variances: variance of a parameter
-  // combination by independent deviations.
+  // Variance of a combination of parameters for independent deviations: sum over the points of
+  // squared sensitivity times variance.
   double Variance(const Eigen::VectorXd& combination, const Eigen::VectorXd& variances_m2) const;
   // Mean change of the parameters by random errors of the points, to second order. Least squares
   // are biased where the surface is curved: an error along the line of sight moves the point along
@@ -92,8 +92,8 @@ class LinearFit {
   //   A^-1 sum_i [a_i (t_i' H_i t_i + n_i . second_i) / 2 + m_i (n_i . t_i)].
   // Terms of the order of A^-1 a_i a_i' are left out.
   Eigen::VectorXd MeanChange(std::span<const PointNoise> noise) const;
-  // Combination of the parameters that is the diameter, or the displacement along a direction of a
-  // sphere's centre or of the middle of a bore's axis.
+  // Combinations of parameters: the diameter, or the displacement of a sphere's centre or of the
+  // middle of a bore's axis along a direction.
   Eigen::VectorXd Diameter() const;
   Eigen::VectorXd Displacement(const Eigen::Vector3d& direction) const;
 

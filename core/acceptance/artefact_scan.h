@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The points that a scan measures of an artefact, by the nominal geometry of the rig.
+// Points that a scan measures on an artefact, for the nominal geometry of the rig.
 #pragma once
 
 #include <Eigen/Core>
@@ -40,16 +40,16 @@ struct ArtefactScan {
 struct SightLimits {
   double most_incidence_rad = 70 * std::numbers::pi / 180;  // to camera and laser
   double max_range_m = 1.5;
-  // About as many points a surface; columns are left out evenly beyond it.
+  // Approximate limit on the points per surface; beyond it, columns are left out evenly.
   int most_points = 5000;
 };
 
 // Camera and laser with the stage at `stage_m`.
 TriangulationSetup SetupAt(const Rig& rig, const ScanGeometry& geometry, double stage_m);
 
-// OUT_OF_RANGE: places of the artefact that face camera and laser lie outside the image, the
-// laser's fan, the range, or farther along the stage than it travels; the message says which and
-// by how much of the surface. Also where nothing faces both.
+// OUT_OF_RANGE: points of the artefact that face camera and laser lie outside the image, the
+// laser's fan, the range or the travel of the stage; the message names the limit and the fraction
+// of the surface. Also if no point faces both.
 absl::Status FitsIntoField(const Rig& rig, const ScanGeometry& geometry, const Artefact& artefact,
                            const SightLimits& limits);
 

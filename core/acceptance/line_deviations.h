@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Deviations of the detected laser line from the true one, as rendered images of an artefact show
-// them: for places along the scan and columns of the image, relative to a reference place of the
+// Deviations of the detected laser line from the true one in rendered images of an artefact, by
+// position along the scan and column of the image, relative to a reference position on the
 // surface.
 //
-// Every frame has an image without speckle and several realisations with it. The first shows the
-// systematic error b, the others the random error e_r = d_r - b of whole lines. A drawn line is
-// b + sign e_r with an equally likely sign and realisation r: the mean of drawn lines is b for any
-// number of realisations. Without the signs it would be the mean of the few d_r, whose random part
-// is common to all tests.
+// Every frame has an image without speckle and several realisations with speckle. The first gives
+// the systematic error b, the realisations d_r the random errors e_r = d_r - b of whole lines. A
+// simulated line is b + sign e_r with equally likely signs and realisations r, so that its mean is
+// b for any number of realisations. Without the signs its mean would be that of the few d_r, whose
+// random part all tests would share.
 #pragma once
 
 #include <cstdint>
@@ -30,8 +30,8 @@ class LineDeviations {
     std::vector<Realisation> realisations;
   };
 
-  // `repeats`: columns and frames beyond those rendered take the deviations of rendered ones, as
-  // on a plate, where all are alike. Every frame has equally many realisations.
+  // `repeats`: columns and frames that were not rendered take the deviations of rendered ones, as
+  // for a plate, where all are alike. All frames have the same number of realisations.
   LineDeviations(std::vector<Frame> frames, bool repeats);
 
   int realisations() const;

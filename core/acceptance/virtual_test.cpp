@@ -23,7 +23,7 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-// Errors that are drawn together, and how they are called.
+// A group of errors that are drawn together, and its name.
 struct ErrorGroup {
   const char* name;
   int first, count;
@@ -157,7 +157,7 @@ std::vector<AcceptanceQuantityInfo> QuantitiesOf(const Artefact& artefact) {
   return quantities;
 }
 
-// The scan's points of one surface, their linear fit, and what errors do to them.
+// The scan's points on one surface, their linear fit, and their errors.
 struct LinearSurface {
   LinearFit fit;
   MatrixXd calibration;           // [point][variable], m per unit
@@ -165,7 +165,7 @@ struct LinearSurface {
   std::vector<size_t> points;     // of the scan
   std::vector<PointNoise> noise;  // by detection
 
-  // Along the normals, by shifts of the detected line [px], one a point of the scan or none.
+  // Displacements along the normals by shifts of the detected line [px]: one per point, or none.
   VectorXd Displacements(const ArtefactScan& scan, std::span<const double> shifts_px) const {
     VectorXd displacements_m = VectorXd::Zero(static_cast<Eigen::Index>(points.size()));
     if (shifts_px.empty()) return displacements_m;
@@ -262,7 +262,7 @@ std::vector<Combination> SizeCombinations(const Artefact& artefact,
   return {{0, surfaces[0].fit.Displacement(-along)}, {1, surfaces[1].fit.Displacement(along)}};
 }
 
-// Standard uncertainty by detection of what joining the set-ups adds to the distance of holes.
+// Standard uncertainty by detection that joining the set-ups adds to the distance of holes.
 double JoiningDeviation(const Artefact& artefact, const std::vector<LinearSurface>& surfaces) {
   double variance_m2 = 0;
   for (const auto& setup : WeightsOfHolePattern(artefact).joining) {
@@ -353,7 +353,7 @@ std::vector<QuantityPrediction> PredictForm(const ArtefactScan& scan, const Unce
   (void)ForEachIndex(static_cast<size_t>(draws), [&](size_t draw) {
     CounterRandom random(seed, draw, 2);
     VectorXd residual = shift + residuals * DrawErrors(root, random);
-    // The fit takes so little of independent noise that it is left out here.
+    // The fit reduces independent noise only slightly, which is neglected here.
     for (Eigen::Index i = 0; i < residual.size(); ++i)
       residual[i] += deviations[i] * random.Normal();
     const std::vector<double> values(residual.begin(), residual.end());

@@ -7,10 +7,10 @@
 //   const ColumnDetection columns{LineShifts(scan, artefact, rig.laser, method)};
 //   const auto predicted = PredictTests(scan, artefact, model, &columns, 400, seed);
 //
-// A run draws the errors of calibration once (the sensors keep their place) and those of detection
-// for every point; of a hole pattern in either set-up anew. The true image position is where the
-// true sheet and line of sight meet the artefact; the measured point is triangulated from the
-// detected position with the nominal setup. Nothing is linearised there.
+// A run draws the errors of calibration once, because the sensors do not move, and those of
+// detection for every point (for a hole pattern, in each set-up). The true image position is that
+// at which the true sheet and line of sight meet the artefact. The measured point is triangulated
+// from the detected position with the nominal setup, without linearisation.
 #pragma once
 
 #include <cstdint>
@@ -31,8 +31,8 @@ namespace sightline {
 // Errors of one quantity, a number per run [m]. Runs without a fit are left out.
 using SimulatedErrors = std::vector<std::vector<double>>;  // [quantity][run]
 
-// `deviations`: of rendered images, drawn a line at a time; null: detection errors are drawn from
-// the model, along rows and columns of the image. Same seed, same numbers.
+// `deviations`: deviations in rendered images, of which whole lines are drawn; null: detection
+// errors along rows and columns are drawn from the model. The same seed gives the same numbers.
 SimulatedErrors SimulateTests(const ArtefactScan& scan, const Artefact& artefact,
                               const UncertaintyModel& model, const LineDeviations* deviations,
                               int runs, uint64_t seed);
@@ -56,7 +56,7 @@ std::vector<double> LineShifts(const ArtefactScan& scan, const Artefact& artefac
 // Line detection by columns of rendered images, which finds the row in a column: points have no
 // error along the rows of the image.
 struct ColumnDetection {
-  // Systematic errors that measured points are not corrected for, one a point of the scan [px].
+  // Systematic errors that are not corrected, one per point of the scan [px].
   std::vector<double> shifts_px;
 };
 
@@ -74,7 +74,7 @@ std::vector<QuantityPrediction> PredictTests(const ArtefactScan& scan, const Art
 // The m with P(|X| <= m) = 95 % for X of N(mean, deviation), deviation >= 0.
 double NormalMagnitude95(double mean, double deviation);
 
-// Contribution to every quantity of systematic errors of line detection, one a point [px].
+// Contribution of systematic errors of line detection (one per point [px]) to every quantity.
 std::vector<double> SystematicContributions(const ArtefactScan& scan, const Artefact& artefact,
                                             std::span<const double> shifts_px);
 
@@ -82,14 +82,14 @@ std::vector<double> SystematicContributions(const ArtefactScan& scan, const Arte
 std::vector<double> RenderedShifts(const ArtefactScan& scan, const Artefact& artefact,
                                    const LineDeviations& deviations);
 
-// Leaves out points that rendered lines never show, such as those in columns of other colours than
+// Removes points that rendered lines never show, such as those in columns of a colour other than
 // the laser's.
 void KeepRendered(const Artefact& artefact, const LineDeviations& deviations, ArtefactScan* scan);
 
 // The 95 % quantile of the magnitudes. At least one value.
 double Magnitude95(std::vector<double> errors_m);
 
-// Stage position and column of the reference place of a surface, which deviations are relative to.
+// Stage position and column of the reference position of a surface, to which deviations refer.
 struct ReferencePlace {
   double stage_m = 0;
   int column_px = 0;

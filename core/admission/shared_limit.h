@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How much of something all may hold together, and one owner of it: so that one leaves something
-// to the others.
+// Limits on a resource (jobs, bytes, connections), for all owners together and for each owner, so
+// that no owner takes everything.
 #pragma once
 
 #include <cstdint>
@@ -13,10 +13,10 @@
 
 namespace sightline {
 
-// Why there is not as much as was asked for.
+// The limit that a request exceeds.
 struct Shortage {
-  bool of_owner = false;  // its own limit, or else that of all together
-  int64_t held = 0;       // of that limit, now
+  bool of_owner = false;  // the limit of the owner; else of all owners together
+  int64_t held = 0;       // amount that counts towards this limit now
   int64_t limit = 0;
 };
 
@@ -25,19 +25,19 @@ class SharedLimit {
   struct Accounts;
 
  public:
-  // Both at least 0.
+  // Both limits are at least 0.
   SharedLimit(int64_t max_total, int64_t max_of_owner);
 
-  // The amount that an owner holds; given back when it goes, also after the limit itself has gone.
+  // An amount that an owner holds. Its destructor gives it back, even after the end of the limit.
   class Share {
    public:
-    Share() = default;  // of nobody: holds nothing, and cannot grow
+    Share() = default;  // without owner: holds nothing and cannot grow
     Share(Share&& other) noexcept;
     Share& operator=(Share&& other) noexcept;
     ~Share() { GiveBack(); }
 
-    // Adds `amount`, at least 0, to it, or says why not and leaves it as it is. An amount that
-    // alone exceeds a limit is admitted while nothing else is held; it could never be otherwise.
+    // Adds `amount` >= 0 to the share, or returns the shortage and leaves the share unchanged. An
+    // amount that alone exceeds a limit is admitted while nothing counts towards that limit.
     std::optional<Shortage> Grow(int64_t amount);
     void GiveBack();
     int64_t held() const { return held_; }
@@ -65,7 +65,7 @@ class SharedLimit {
     const int64_t max_of_owner;
     std::mutex mutex;
     int64_t total = 0;
-    std::map<std::string, int64_t> of_owner;  // those that are not 0
+    std::map<std::string, int64_t> of_owner;  // amounts that are not 0
   };
   const std::shared_ptr<Accounts> accounts_;
 };

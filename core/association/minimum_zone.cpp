@@ -16,10 +16,10 @@ using Eigen::VectorXd;
 
 constexpr int kMostZoneSteps = 60;
 constexpr int kMostHalvings = 30;
-// Half widths below this share of the cloud's extent are rounding of coordinates.
+// Half widths below this fraction of the cloud's extent are rounding of coordinates.
 constexpr double kCoordinateRounding = 1e-13;
-// Shares of the half width. Fits of a nearly cylindrical cone or of a short arc may end between the
-// two, since numbers of single parameters are then ill determined.
+// Gaps relative to the half width. Fits of a nearly cylindrical cone or of a short arc may end
+// between the two values, because single parameters are then ill determined.
 constexpr double kConvergedGap = 1e-9, kMostGap = 1e-5;
 
 VectorXd ZoneDistances(const NominalSurface& s, const std::vector<Vector3d>& points) {
@@ -36,9 +36,10 @@ void MovePointAlongAxis(NominalSurface& s) {
   if (s.kind == SurfaceKind::kPlane) s.point_m = s.axis.dot(s.point_m) * s.axis;
 }
 
-// Coefficients that reduce the largest residual, none of them much beyond `most`: rows that weigh
-// every coefficient by the deviation over it make longer ones count as residuals (the trust region
-// of Madsen, Journal of the Institute of Mathematics and its Applications 16 (1975) 321-328).
+// Coefficients that reduce the largest residual, none of them much beyond `most`. Additional rows
+// with every coefficient times deviation / most make longer coefficients count as residuals (the
+// trust region of Madsen, Journal of the Institute of Mathematics and its Applications 16 (1975)
+// 321-328).
 std::optional<VectorXd> StepWithin(const MatrixXd& jacobian, const VectorXd& distances, double most,
                                    double deviation) {
   const Eigen::Index n = jacobian.rows(), columns = jacobian.cols();

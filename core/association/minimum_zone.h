@@ -38,12 +38,12 @@ struct MinimumZone {
   double width_m = 0;      // range of the signed distances
   // Points of the certificate; none where all points lie on the surface.
   std::vector<ZonePoint> active;
-  // Width by which the linearised zone would be narrower yet, at most 1e-5 of the width.
+  // Width by which the linearised zone could still be narrower, at most 1e-5 of the width.
   double gap_m = 0;
 };
 
-// `points_m` and `normals` as for FitSurface, equally many. nullopt: what FitSurface refuses, or no
-// convergence to the gap within 60 steps.
+// `points_m` and `normals` as for FitSurface, equally many. nullopt: FitSurface fails, or the gap
+// does not converge within 60 steps.
 std::optional<MinimumZone> FitMinimumZone(SurfaceKind kind,
                                           std::span<const Eigen::Vector3d> points_m,
                                           std::span<const Eigen::Vector3d> normals);

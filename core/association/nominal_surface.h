@@ -53,9 +53,9 @@ struct Recognition {
   double most_normal_angle_rad = 0.3;
 };
 
-// The simplest kind, in the order of SurfaceKind, whose fit has all points within the limits; free
-// form if none has, or if there are too few points to tell a curved surface. `points_m` and
-// `normals` are equally many.
+// The first kind, in the order of SurfaceKind, whose fit has all points within the limits. Free
+// form if there is none, or if the points are too few to determine a curved surface. `points_m`
+// and `normals` are equally many.
 NominalSurface RecogniseSurface(std::span<const Eigen::Vector3d> points_m,
                                 std::span<const Eigen::Vector3d> normals,
                                 const Recognition& limits = {});

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The free parameters of a surface, as fits vary them.
+// The free parameters of a surface in fits.
 #pragma once
 
 #include <Eigen/Core>
@@ -26,7 +26,7 @@ struct NormalisedCloud {
     for (const Eigen::Vector3d& p : points_m) points.push_back((p - centre_m) / scale_m);
   }
 
-  // A surface from and to the units of the points.
+  // Converts a surface from the units of the points, and back.
   NominalSurface Normalised(NominalSurface s) const {
     s.point_m = (s.point_m - centre_m) / scale_m;
     s.radius_m /= scale_m;
@@ -41,11 +41,11 @@ struct NormalisedCloud {
   }
 };
 
-// A surface as few numbers about a start: a shift of its point, a tilt of its axis, and its sizes.
+// Parameters of a surface relative to a start: shift of its point, tilt of its axis, its sizes.
 struct SurfaceParameters {
   NominalSurface start;
   Eigen::Vector3d across, other;
-  // Numbers of the free parameters: 0 to 2 shift (across, other, axis), 3 and 4 tilt, 5 to 7 sizes.
+  // Indices of the free parameters: 0 to 2 shift (across, other, axis), 3 and 4 tilt, 5 to 7 sizes.
   std::vector<int> used;
 
   explicit SurfaceParameters(const NominalSurface& s) : start(s) {

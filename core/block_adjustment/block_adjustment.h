@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Least squares over parameters that all blocks of observations share and others that each block
-// has for itself (bundle adjustment): Levenberg and Marquardt with central differences.
+// Least squares over parameters that all blocks of observations share and parameters of single
+// blocks (bundle adjustment), by Levenberg and Marquardt with central differences.
 //
-// A block is a frame here: its own parameters are the pose of the target, the shared ones camera,
-// laser plane and shape of the target.
+// In a calibration a block is a frame: its own parameters are the pose of the target, the shared
+// ones camera, laser plane and shape of the target.
 #pragma once
 
 #include <Eigen/Core>
@@ -23,8 +23,8 @@ struct BlockProblem {
   std::vector<Eigen::VectorXd> own;  // start, one per block; may be of length 0
   Eigen::VectorXd shared_step;       // steps of the differences, positive
   double own_step = 1e-6;            // the same of every own parameter
-  // Standard deviations of the shared parameters about their start: 0 holds a parameter, infinity
-  // says nothing of it.
+  // Prior standard deviations of the shared parameters about their start: 0 fixes a parameter,
+  // infinity is uninformative.
   Eigen::VectorXd prior_standard_deviation;
 };
 
@@ -32,10 +32,10 @@ struct BlockSolution {
   Eigen::VectorXd shared;
   std::vector<Eigen::VectorXd> own;
   // Covariance of the shared parameters if all residuals are independent: (J'J)^-1 with the own
-  // parameters eliminated. Rows of held parameters are 0.
+  // parameters eliminated. Rows of fixed parameters are 0.
   Eigen::MatrixXd shared_covariance;
   // Per block, with its own parameters eliminated: information about the shared parameters J'J and
-  // score J'r. Priors are in neither. Both are 0 for held parameters.
+  // score J'r, both without priors. Both are 0 for fixed parameters.
   std::vector<Eigen::MatrixXd> block_information;
   std::vector<Eigen::VectorXd> block_score;
   double sum_of_squares = 0;  // of the residuals, without priors

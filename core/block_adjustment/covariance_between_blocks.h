@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Covariance of adjusted parameters when residuals of one block are correlated.
 //
-// (J'J)^-1 takes all residuals as independent. In an image of a target they are not: a wrong
+// (J'J)^-1 assumes independent residuals. In an image of a target they are not independent: a wrong
 // distortion model, a bent plate or light from the side moves all corners or the whole line. The
 // scatter of the blocks' scores shows such common errors (cluster-robust covariance: Liang and
 // Zeger, Biometrika 73(1), 1986), here as the jackknife over blocks, whose bias is small for few

@@ -38,8 +38,8 @@ struct CalibrationSet {
 inline constexpr size_t kFewestCalibrationFrames = 4;
 
 // Reads FOLDER/calibration_set.json. NOT_FOUND or INVALID_ARGUMENT names file, field and reason:
-// unknown or missing fields, values outside their range, files that are missing or hold something
-// else, fewer than four images, an image without its pose, a quaternion that is not of unit length.
+// unknown or missing fields, values outside their range, files that are missing or have other
+// content, fewer than four images, an image without its pose, a quaternion not of unit length.
 absl::StatusOr<CalibrationSet> ReadCalibrationSet(const std::string& folder);
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Cameras, lenses and lasers that can be bought, from a folder of their data sheets' numbers.
+// Catalogue of cameras, lenses and lasers: numbers of their data sheets, in a folder of files.
 #pragma once
 
 #include <optional>
@@ -26,9 +26,9 @@ struct DeviceCamera {
 struct DeviceLens {
   std::string name;
   std::string mount;
-  // At its widest aperture, focus distance unset. Its min_focus_distance_m is the one below, which
-  // data sheets count from the front of the lens and a thin lens from its centre: off by the few
-  // centimetres between the two.
+  // The lens at its widest aperture, focus distance unset. Its min_focus_distance_m is the value
+  // below. Data sheets count that from the front of the lens, a thin lens from its centre, so it is
+  // off by the few centimetres between the two.
   Lens lens;
   double min_f_number = 0, max_f_number = 0;
   std::optional<double> min_focus_distance_m;
@@ -64,8 +64,8 @@ struct DeviceProfileSensor {
   double MiddleWidth() const { return 0.5 * (near_width_m + far_width_m); }
 };
 
-// Each kind in the order of its file names, so that results do not depend on the file system; names
-// differ within a kind; only profile_sensors may be empty.
+// Devices by kind, in the order of their file names, so that results do not depend on the file
+// system. Names are unique within a kind. Only profile_sensors may be empty.
 struct Catalogue {
   std::vector<DeviceCamera> cameras;
   std::vector<DeviceLens> lenses;

@@ -19,7 +19,7 @@ double ImageDistance(const Lens& lens, double z_m) {
   return lens.focal_length_m * z_m / (z_m - lens.focal_length_m);
 }
 
-// Four digits: enough to tell two devices apart, and no more than data sheets are worth.
+// Four digits distinguish two devices; data sheets are not more precise.
 std::string Millimetres(double metres) {
   const double mm = 1e3 * metres;
   if (!std::isfinite(mm) || mm == 0) return absl::StrCat(mm, " mm");

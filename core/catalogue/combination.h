@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Joint view of a camera and a lens of a catalogue, by geometry alone: a thin lens (of the
-// focal length f, focused at the distance z before it) whose image is at b behind it,
+// Geometry of the combination of a camera and a lens of a catalogue. A thin lens of focal length f,
+// focused at the distance z in front of it, has its image at b behind it:
 //   1/f = 1/z + 1/b,   so   b = f z / (z - f)   and the magnification   m = b / z = f / (z - f).
 // Distances in metres, f-numbers without unit; everywhere z_m > f.
 #pragma once
@@ -37,22 +37,22 @@ DepthOfField DepthOfFieldAt(const Lens& lens, double z_m, double f_number, doubl
 
 double SensorDiagonal(const Sensor& sensor);
 
-// Whether the lens's image is good up to the corners of the sensor. Data sheets round both
-// diameters: an excess of 1 % is none (a 2/3" sensor of 11.07 mm and a lens "for 2/3", 11 mm").
-// True if the image circle is not known.
+// True if the image circle of the lens covers the sensor to its corners. Data sheets round both, so
+// an excess of 1 % is allowed (a 2/3" sensor of 11.07 mm and a lens "for 2/3", 11 mm"). Also
+// true if the image circle is not known.
 bool ImageCircleHolds(const DeviceLens& lens, const Sensor& sensor);
 
 enum class MountFit {
   kFits,
   // A C lens on a CS camera: the flange of CS is 5 mm nearer to the sensor (12.526 mm instead of
-  // 17.526 mm), a ring makes up for it. The other way round nothing does.
+  // 17.526 mm), which a spacer ring compensates. A CS lens does not fit a C camera.
   kFitsWithRing,
   kDoesNotFit,
 };
 MountFit FitOfMounts(const std::string& lens_mount, const std::string& camera_mount);
 
-// Whether it can be focused at z (which here may be anything): beyond its focal length, not nearer
-// than it goes.
+// True if the lens can be focused at z: beyond its focal length and not nearer than its least focus
+// distance. z may have any value.
 bool FocusesAt(const DeviceLens& lens, double z_m);
 
 // Length of the laser's line at a distance z_m > 0 from it: 2 z tan(fan angle / 2).
@@ -61,14 +61,14 @@ double LineLength(const Laser& laser, double z_m);
 // Requirements on a combination; unset: anything.
 struct FitRequirements {
   std::optional<double> max_pixel_footprint_m;
-  // Along the laser line, which the camera sees along its rows.
+  // Field of view along the laser line, which the camera sees along its rows.
   std::optional<double> min_field_of_view_m;
-  // With a circle of confusion of one pixel, at any f-number that the lens has.
+  // Depth of field with a circle of confusion of one pixel, at any f-number of the lens.
   std::optional<double> min_depth_of_field_m;
 };
 
-// Why the devices cannot do it at the working distance z_m > 0, one sentence each with its numbers;
-// empty: by geometry nothing speaks against them. Camera and laser are both taken to be z_m away.
+// Reasons why the devices do not meet the requirements at the working distance z_m > 0, one
+// sentence each with its numbers; empty: they do. Camera and laser are both assumed to be z_m away.
 std::vector<std::string> WhyUnfit(const DeviceCamera& camera, const DeviceLens& lens,
                                   const DeviceLaser& laser, double z_m,
                                   const FitRequirements& required);

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Values of options, read in one way by all programs.
+// Reads values of options, in the same way in all programs.
 //
 // CLI11 converts numbers with strtoll, strtoull and strtold: `010` becomes 8, numbers beyond 64
 // bits become the largest, and `nan` passes every range check. A program therefore calls
 //
 //   RequireStrictNumbers(app);
 //
-// once all its options are added and before it parses; no option can be forgotten.
+// after all its options are added and before it parses, so that no option is forgotten.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -22,18 +22,18 @@ namespace sightline {
 // exponent; neither has leading zeros. CLI::ValidationError names the option and the text.
 void RequireStrictNumbers(CLI::App& app);
 
-// Refuses `options`, which have an effect only beside `needed`, where that is not given.
+// Refuses `options` without `needed`, because they have an effect only together with it.
 void NeedOption(CLI::App& app, const std::vector<std::string>& options, const std::string& needed);
 
-// INVALID_ARGUMENT if `option` is given beside any of `others`, which then have no effect. Called
-// when the command runs: CLI11 would list what excludes what in --help, at both options.
+// INVALID_ARGUMENT if `option` is given together with any of `others`, which then have no effect.
+// Called when the command runs: CLI11's own exclusion would clutter --help at both options.
 absl::Status CheckExcluded(const CLI::App& app, const std::string& option,
                            const std::vector<std::string>& others);
 
 // A transform of texts that name a length unit (core/text/length_unit.h) into the unit's name.
 CLI::Validator NameOfLengthUnit();
 
-// Makes `option`, which is read into a whole number, take sizes such as 512MB; kB is 1024 bytes.
+// Lets `option`, which is read into a whole number, accept sizes such as 512MB; kB is 1024 bytes.
 void TakeSizes(CLI::Option& option);
 
 }  // namespace sightline

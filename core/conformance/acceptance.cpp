@@ -17,7 +17,7 @@ namespace {
 
 using Eigen::VectorXd;
 
-// Probability with which hardly known targets hold back a perfect part, for all of them together.
+// Probability that uncertain targets, all together, prevent the acceptance of a perfect part.
 constexpr double kHeldBack = 0.05;
 constexpr int64_t kMostDraws = 2000, kFewestDraws = 500;
 constexpr int64_t kMostMultiplications = 1'000'000'000;
@@ -35,7 +35,7 @@ int64_t RankOf(const Eigen::MatrixXd& functionals) {
   return std::max<int64_t>(1, qr.rank());
 }
 
-// Why too few targets are known for a proof of conformity; empty: enough are.
+// Reason why too few targets are known for a proof of conformity; empty: enough are known.
 std::string TooFewKnown(const Amounts& amounts, const TargetCounts& counts, double required_share) {
   const auto uncertain =
       std::count_if(amounts.all.begin(), amounts.all.end(),
@@ -117,7 +117,7 @@ std::string Comparison(const Amounts& amounts, const BoundedAmount& amount, doub
       factor);
 }
 
-// Share of the zone that the largest known amount takes with its guard band; at most 1: accepted.
+// Fraction of the zone that the largest known amount takes with its guard band; accepted up to 1.
 double TakenShare(const Amounts& amounts, double guard_factor) {
   double share = 0;
   for (const BoundedAmount& amount : amounts.all) {
@@ -157,7 +157,7 @@ double KnownBound(const VectorXd& target_u_m, double width_m, const DecisionRule
   const double admissible_m = AdmissibleUncertainty(width_m, rule);
   if (used.empty() || counts.used <= 0) return admissible_m;
   std::sort(used.begin(), used.end());
-  // Number of `used` that stands for the required share of all targets.
+  // Number of `used` targets that makes the required fraction of all targets.
   const auto n = static_cast<double>(used.size());
   const auto required = static_cast<int64_t>(std::ceil(
       required_share * n * static_cast<double>(counts.all) / static_cast<double>(counts.used) -
@@ -286,7 +286,7 @@ Acceptance DecideConformity(const Amounts& amounts, const DecisionRule& rule,
         absl::StrCat("conforms: ", Comparison(amounts, at(extremes.nearest), g, 0, "more"));
   }
   if (acceptance.deciding >= 0) return acceptance;
-  // Nothing is known well enough: the value is that of the least uncertain amount.
+  // No amount is certain enough: the value is that of the least uncertain amount.
   const auto least = std::min_element(
       amounts.all.begin(), amounts.all.end(),
       [](const auto& a, const auto& b) { return a.uncertainty_m < b.uncertainty_m; });

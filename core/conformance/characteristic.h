@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Characteristics of a drawing as linear functions of what is measured: which surfaces a tolerance
-// binds, which datums it refers to, and the weights with which deviations of targets add up to its
-// measurand.
+// Characteristics of a drawing as linear functions of the measured deviations: the surfaces that a
+// tolerance binds, the datums that it refers to, and the weights with which deviations of targets
+// add up to its measurand.
 //
 // Association is by least squares (Gauss) unless stated otherwise: every surface is fitted with its
 // sizes free, and the datum system takes the six degrees of freedom of the part in the order of its
 // datums (ISO 5459:2011). Degrees of freedom that the datums leave are those of best fit of the
 // toleranced surfaces themselves (ISO 1101:2017, 4.5; composite tolerances and patterns: ISO
-// 5458:2018). All surfaces of one tolerance are judged together; the worst counts.
+// 5458:2018). All surfaces of one tolerance are evaluated together; the worst counts.
 #pragma once
 
 #include <vector>
@@ -21,9 +21,9 @@
 
 namespace sightline {
 
-// One surface: of one or several faces, or the two parallel planes of a wall or slot.
+// One surface, made of one or several faces; or the two parallel planes of a wall or slot.
 struct FeatureElement {
-  NominalSurface surface;    // of a width: either plane
+  NominalSurface surface;    // for a width: either plane
   bool width = false;        // two planes with opposite normals; stands for its median plane
   std::vector<int> targets;  // indices into Feature::targets
 };
@@ -39,15 +39,15 @@ struct Characteristic {
   // Whether the zone of a position grows with the actual size of the surface (ISO 2692:2021).
   MaterialRequirement material = MaterialRequirement::kNone;
   bool radius = false;  // the size is the radius, not the diameter
-  // The coordinates of the model are the datum and taken as exact, as for a zone that is not on the
+  // The coordinates of the model are the datum and count as exact, as for a zone that is not on the
   // drawing; `datums` is empty.
   bool exact_datum = false;
   // kChebyshev: form by the minimum zone (ISO 1101:2017); profiles without datums by the motion
-  // that makes the largest |deviation| least. Of other characteristics Unimplemented.
+  // that minimises the largest |deviation|. Other characteristics: Unimplemented.
   Association association = Association::kGauss;
 };
 
-// Whether a characteristic of this kind can be associated by the minimum zone.
+// True if a characteristic of this kind can be associated by the minimum zone.
 bool HasMinimumZone(ToleranceKind kind, bool has_datums);
 
 struct CharacteristicFit {
@@ -56,16 +56,16 @@ struct CharacteristicFit {
   ZoneKind zone = ZoneKind::kTwoSided;
   // Functionals of angles are arcs at this distance [m] from the vertex; 0 for other kinds.
   double reference_length_m = 0;
-  // Sizes and distances: what the model has [m], one per functional, which is the change of it.
+  // Sizes and distances of the model [m], one per functional; the functional is the change.
   std::vector<double> model_sizes_m;
 };
 
-// Fewest targets of a surface or datum on which anything is evaluated.
+// Least number of targets of a surface or datum for an evaluation.
 inline constexpr size_t kFewestFeatureTargets = 6;
 
-// FailedPrecondition: the targets that are measured do not determine the measurand. Unimplemented:
-// the surfaces or datums are not such as the characteristic is evaluated on; the message says why
-// in words that go on from the characteristic's name. Feature::geometry is not looked at.
+// FailedPrecondition: the measured targets do not determine the measurand. Unimplemented: the
+// characteristic is not evaluated for these surfaces or datums; the message states the reason and
+// continues a sentence that begins with the characteristic's name. Does not read Feature::geometry.
 absl::StatusOr<CharacteristicFit> FitCharacteristic(const Feature& feature,
                                                     const Characteristic& characteristic);
 

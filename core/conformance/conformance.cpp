@@ -32,8 +32,8 @@ std::string Dominating(const SurfaceUncertainty& u) {
   return absl::StrCat(Percent(share), " of its variance is ", name);
 }
 
-// u at which the acceptance zone is exactly what the rule leaves at least; the bias of form grows
-// with u.
+// u at which the acceptance zone has exactly the least width that the rule allows; the bias of form
+// is proportional to u.
 double Admissible(const ToleranceZone& zone, const DecisionRule& rule, double bias_per_u) {
   const double two_sided_m = AdmissibleUncertainty(zone.width_m, rule);
   if (zone.kind == ZoneKind::kTwoSided) return two_sided_m;
@@ -102,7 +102,7 @@ TargetCounts CountTargets(const Feature& feature, const std::vector<int>& tolera
   return counts;
 }
 
-// Why too few targets are measured, or known; empty: enough are.
+// Reason why too few targets are measured or known; empty: there are enough.
 std::string TooFew(const TargetCounts& counts, const ConformanceOptions& options) {
   // Rounding must not turn a share of exactly the required one into less.
   const double least = options.required_share * static_cast<double>(counts.all) - 1e-9;
@@ -125,8 +125,8 @@ std::string TooFew(const TargetCounts& counts, const ConformanceOptions& options
   return "";
 }
 
-// Profiles: u of the target that `required_share` of all targets do not exceed, targets without one
-// coming last, and what else counts targets.
+// Profiles: the quantile `required_share` of u over all targets, targets without u coming last, and
+// the other values that depend on counts of targets.
 void CountDeviations(const MeasurandUncertainty& predicted, double required_share,
                      double admissible_m, FeatureConformance& result) {
   const auto& all = predicted.target_u_m;
@@ -159,7 +159,7 @@ absl::Status AddProbabilities(const ToleranceZone& zone, const ConformanceOption
   return absl::OkStatus();
 }
 
-// Decides by the figures, and says why with the same ones.
+// Decides by the figures and states them in the reason.
 void Decide(const ToleranceZone& zone, const ConformanceOptions& options,
             const std::string& too_few, FeatureConformance& result) {
   const double least_m = options.rule.least_acceptance_zone * zone.width_m;
@@ -211,7 +211,7 @@ absl::Status AddAcceptance(const Feature& feature, const CharacteristicFit& fit,
   return absl::OkStatus();
 }
 
-// The one function that decides and explains.
+// Decides and explains, for both public functions.
 absl::StatusOr<FeatureConformance> JudgeFit(const Feature& feature,
                                             const absl::StatusOr<CharacteristicFit>& fit,
                                             const std::vector<int>& toleranced,

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Deciding conformance with a tolerance by a measurement with uncertainty: acceptance zone and the
-// probabilities of deciding wrongly (ISO 14253-1:2017; JCGM 106:2012, clauses 7 to 9).
+// Decision on conformance with a tolerance by an uncertain measurement: acceptance zone and
+// probabilities of wrong decisions (ISO 14253-1:2017; JCGM 106:2012, clauses 7 to 9).
 //
 // Conventions. A two-sided zone of full width s_t lies symmetrically about the nominal value:
-// conforming are deviations in [-s_t/2, s_t/2]. A one-sided zone is that of quantities that cannot
-// be negative, such as flatness: conforming are values in [0, s_t]. Zero is no limit that could be
-// violated, so that the guard band lies at s_t only.
+// deviations in [-s_t/2, s_t/2] conform. A one-sided zone belongs to quantities that cannot be
+// negative, such as flatness: values in [0, s_t] conform. Zero cannot be violated, so that there
+// is a guard band only at s_t.
 #pragma once
 
 #include <optional>
@@ -49,10 +49,10 @@ struct Production {
   static Production CapableOf(const ToleranceZone& zone);
 };
 
-// Probability that a part conforms after a value was measured with normally distributed error of
-// standard uncertainty u > 0 (JCGM 106, 7 and 9.3.2). Without `production` nothing else is known
-// but that one-sided quantities are not negative. One minus it is the specific probability of wrong
-// acceptance of a part that is accepted, it itself that of wrong rejection of a part that is
+// Probability that a part conforms, given a value measured with normally distributed error of
+// standard uncertainty u > 0 (JCGM 106, 7 and 9.3.2). Without `production` the prior is flat, on
+// values >= 0 for one-sided quantities. With p the result, 1 - p is the specific risk of wrong
+// acceptance if the part is accepted, and p that of wrong rejection if it is
 // rejected.
 absl::StatusOr<double> ConformanceProbability(
     const ToleranceZone& zone, double measured_m, double uncertainty_m,

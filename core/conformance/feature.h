@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Toleranced features of a part: what is measured of them, and the standard uncertainty with which
-// a plan of scans will know it (JCGM 100, GUM; JCGM 101, Monte Carlo; measurands after ISO 1101 and
-// ISO 14405-1).
+// Toleranced features of a part: their measurands, and the standard uncertainty of these for a plan
+// of scans (JCGM 100, GUM; JCGM 101, Monte Carlo; measurands after ISO 1101 and ISO 14405-1).
 //
 // A feature is a set of targets. Its surface deviates from the CAD model by h_i along the outward
 // normal of target i, and the inference estimates h_i with the error
@@ -107,8 +106,8 @@ inline constexpr size_t kMostDenseTargets = 2'000;
 // their range; normals must be within 0.3 rad of what the geometry says.
 absl::Status CheckFeature(const Feature& feature);
 
-// Least-squares fit to the deviations of the used targets, all weighted alike as ISO 1101's
-// associated features are: parameters = estimator * deviations.
+// Least-squares fit to the deviations of the used targets, with equal weights as for associated
+// features of ISO 1101: parameters = estimator * deviations.
 struct FeatureFit {
   std::vector<int> used;        // indices of the targets that are measured and known well enough
   std::vector<int> toleranced;  // indices of the targets that the tolerance binds, used or not
@@ -128,16 +127,16 @@ struct FeatureFit {
   bool about_model = false;
 };
 
-// FailedPrecondition if the measured targets do not determine the fit, or the geometry has no such
-// measurand.
+// FailedPrecondition: the measured targets do not determine the fit, or the geometry does not have
+// this measurand.
 absl::StatusOr<FeatureFit> FitFeature(const Feature& feature, Measurand measurand);
 
 // Residuals of the fit [m]: the rest of `deviations_m` (one for each used target), at the
 // toleranced targets that are used, in the order of FeatureFit::toleranced.
 Eigen::VectorXd FitResiduals(const FeatureFit& fit, const Eigen::VectorXd& deviations_m);
 
-// Range [m] of what the fit leaves of `deviations_m` (one for each used target), by its
-// association; of several surfaces the largest.
+// Range [m] of the residuals of `deviations_m` (one for each used target), by the association of
+// the fit; the largest one if there are several surfaces.
 double FormDeviation(const FeatureFit& fit, const Eigen::VectorXd& deviations_m);
 
 // Uncertainty of the measurand [m]; total^2 = noise^2 + sampling^2 + calibration^2 +
@@ -171,22 +170,22 @@ struct MeasurandUncertainty {
 // with no more than this u.
 absl::StatusOr<MeasurandUncertainty> PredictUncertainty(const Feature& feature, Measurand measurand,
                                                         uint64_t seed = 1);
-// The same by a fit of this feature.
+// The same, with a given fit of this feature.
 absl::StatusOr<MeasurandUncertainty> PredictUncertainty(const Feature& feature,
                                                         const FeatureFit& fit, Measurand measurand,
                                                         uint64_t seed = 1);
 
-// Joint errors of what is estimated of a checked feature, as PredictUncertainty takes them, in
-// reproducible draws (JCGM 101).
+// Reproducible draws (JCGM 101) of the joint errors of the estimates of a checked feature, with the
+// covariance that PredictUncertainty uses.
 class ErrorDraws {
  public:
   // Errors of the deviations of the used targets, or of the parameters of the fit [m].
   static absl::StatusOr<ErrorDraws> OfDeviations(const Feature& feature, const FeatureFit& fit);
   static absl::StatusOr<ErrorDraws> OfParameters(const Feature& feature, const FeatureFit& fit);
 
-  // Same seed and number, same errors.
+  // The same seed and number give the same errors.
   Eigen::VectorXd Draw(uint64_t seed, uint64_t number) const;
-  // Multiplications of one draw, for limits of work.
+  // Number of multiplications of one draw, for limits on work.
   int64_t Cost() const;
 
  private:

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Versions of one function for several instruction sets; the program takes the best that the
-// processor has when it starts. Same results from all: none of them contracts or reorders.
+// Versions of one function for several instruction sets; at its start the program selects the best
+// one for the processor. All give the same results: none contracts or reorders operations.
 #pragma once
 
 // SIGHTLINE_CLONES("avx2"), before a function's definition.

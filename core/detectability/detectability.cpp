@@ -19,7 +19,7 @@ constexpr Limits kDetectedFraction{0, 1, "", true};
 constexpr Limits kTableDistance{0, 100, " m", true};
 constexpr Limits kTableIncidence{0, 90, " deg"};
 constexpr Limits kTableAzimuth{0, 180, " deg"};
-// A time that shows the line; infinity has its meaning.
+// A time that shows the line; infinity is allowed: no such time.
 constexpr Limits kTableTime{0, std::numeric_limits<double>::infinity(), " s", true};
 constexpr int64_t kMostEntries = 1 << 16;
 constexpr int kMostMaterials = 64;

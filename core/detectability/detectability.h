@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Limits by the light that the material sends to the camera (v1::Detectability): for every material
-// the exposure times that show the laser line, over the directions to camera and laser, and the
-// exposure times that are permitted.
+// Limits by the light that reaches the camera (v1::Detectability): for every material the exposure
+// times that show the laser line, as a function of the directions to camera and laser; and the
+// permitted exposure times.
 //
 //   const ExposureTable table(detectability.materials[0]);
 //   const ExposureRange needed = table.At(camera_distance_m, laser_distance_m, cos_camera,
@@ -19,12 +19,12 @@
 
 namespace sightline {
 
-// Exposure times that a camera has where its file does not say (v1::Sensor).
+// Default range of exposure times of a camera whose file states none (v1::Sensor).
 inline constexpr double kShortestExposure_s = 10e-6;
 inline constexpr double kLongestExposure_s = 1;
 
-// Exposure times that show the line. Shortest infinite: none does; longest infinite: none is too
-// long.
+// Exposure times that show the line. Infinite shortest time: no exposure does. Infinite longest
+// time: no exposure is too long.
 struct ExposureRange {
   double shortest_s = std::numeric_limits<double>::infinity();
   double longest_s = std::numeric_limits<double>::infinity();
@@ -50,9 +50,9 @@ struct Detectability {
   std::vector<MaterialExposures> materials;
 };
 
-// One material's table, ready for look-ups. Linear in the logarithm of the times, constant beyond
-// the ends of an axis. A place whose nearest entry is infinite has an infinite time; elsewhere
-// infinite entries are left out.
+// Interpolates the table of one material: linear in the logarithm of the times, constant beyond the
+// ends of an axis. If the nearest entry is infinite, so is the result; otherwise infinite entries
+// are left out.
 class ExposureTable {
  public:
   explicit ExposureTable(const MaterialExposures& exposures);

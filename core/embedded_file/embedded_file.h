@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Files inside the program: pages, styles and scripts that must be there whatever the folder it
-// runs in.
+// Embeds files in the program: pages, styles and scripts that must be available from any working
+// folder.
 //
 //   SIGHTLINE_EMBED(page_style, PATH_OF_THE_FILE)  // at namespace scope, in one .cpp file
 //   const std::string_view style SIGHTLINE_EMBEDDED(page_style);
 //
-// The symbol must be the only one of its name in the program. The path is a text literal, mostly a
-// definition that the build gives; the source file depends on it (OBJECT_DEPENDS).
+// The symbol must be unique in the program. The path is a string literal, usually a definition by
+// the build; the source file depends on the embedded file (OBJECT_DEPENDS).
 #pragma once
 
 #include <cstddef>

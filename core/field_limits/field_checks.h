@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Checks of fields of a message with errors a person can act on: context (file), field, value,
-// range.
+// Checks fields of a message; errors name context (file), field, value and range.
 #pragma once
 
 #include <cmath>
@@ -34,8 +33,8 @@ struct Limits {
     // NaN fails every comparison.
     return (min_open ? value > min : value >= min) && (max_open ? value < max : value <= max);
   }
-  // The range of the same number in another unit, of which one unit of the field has `count`.
-  // Rounded to 1e-9: 0.1 um is no 0.0999....
+  // The same range in another unit; one unit of the field is `count` of the other unit. Rounded to
+  // 1e-9, so that 0.1 um does not become 0.0999....
   Limits In(const char* other_unit, double count) const {
     const auto rounded = [count](double value) { return std::round(value * count * 1e9) / 1e9; };
     return {rounded(min), rounded(max), other_unit, min_open, max_open};

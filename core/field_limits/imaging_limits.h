@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Allowed ranges of numbers of lens, sensor and exposure that several kinds of files share:
-// inspections, device catalogues, sensor files, optics planning, and the options of `sightline
-// new`. Error messages print them.
+// Allowed ranges of lens, sensor and exposure values for all files that have them: inspections,
+// device catalogues, sensor files, optics planning, and for the options of `sightline new`. Error
+// messages print them.
 #pragma once
 
 #include "core/field_limits/field_checks.h"

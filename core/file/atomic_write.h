@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Files that appear whole or not at all.
+// Writes files atomically: a file is complete or does not exist.
 //
 // The contents go to a temporary file beside the final one, which is flushed to disk and then
 // renamed. A crash leaves the earlier file, never half of the new one.
@@ -15,14 +15,14 @@
 
 namespace sightline {
 
-// Files of this user alone, e.g. with content of a job.
+// Mode of files that only this user may read, e.g. files with content of a job.
 inline constexpr mode_t kPrivateFile = 0600;
 
-// A part of the name of every temporary file. The only owner of a folder may remove files of such
-// names: a killed process left them.
+// Part of the name of every temporary file. The exclusive owner of a folder may remove files with
+// such names: a killed process has left them.
 inline constexpr char kUnfinishedMark[] = ".part-";
 
-// A file that is written piece by piece. Without Commit nothing of it stays.
+// A file that is written piece by piece. Without Commit the destructor removes it.
 class UnfinishedFile {
  public:
   // `mode` is subject to the umask. NOT_FOUND: the folder does not exist. RESOURCE_EXHAUSTED: no
@@ -34,9 +34,9 @@ class UnfinishedFile {
   ~UnfinishedFile();
 
   absl::Status Write(std::string_view bytes);
-  // Gives the file its name, over an earlier file of that name. Nothing can be written after this.
+  // Gives the file its name, replacing an earlier file. Nothing can be written after this.
   absl::Status Commit();
-  // The temporary file, for programs that write by themselves.
+  // Path of the temporary file, for programs that write it themselves.
   const std::string& temporary_path() const { return temporary_; }
 
  private:
@@ -45,11 +45,11 @@ class UnfinishedFile {
   absl::Status Failure(const char* what) const;
 
   std::string path_;
-  std::string temporary_;  // empty: it has got its name
+  std::string temporary_;  // empty: the file has its final name
   int descriptor_ = -1;
 };
 
-// Writes `contents` in this way. Errors as of UnfinishedFile::Make.
+// Writes `contents` atomically. Errors as UnfinishedFile::Make.
 absl::Status WriteFileAtomically(const std::string& path, std::string_view contents,
                                  mode_t mode = 0666);
 

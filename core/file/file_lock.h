@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Files and folders that one process at a time uses.
+// Locks on files and folders, for exclusive use by one process at a time.
 #pragma once
 
 #include <string>
@@ -10,11 +10,11 @@
 
 namespace sightline {
 
-// A lock (flock) on a file or on a folder itself. The system takes it away when the process ends,
-// however that ends. Where the file system has no locks, nothing is locked.
+// A lock (flock) on a file or on a folder itself. The kernel releases it when the process ends,
+// even by a crash. On a file system without locks it has no effect.
 class FileLock {
  public:
-  // kShared: others may share it, too.
+  // kShared: other processes may hold a shared lock too.
   enum class Kind { kExclusive, kShared };
   // FAILED_PRECONDITION: another process holds it. NOT_FOUND: there is no such folder.
   static absl::StatusOr<FileLock> TakeFolder(const std::string& folder,
@@ -22,7 +22,7 @@ class FileLock {
   // The file is made (readable by this user alone) if it does not exist. FAILED_PRECONDITION:
   // another process holds it. NOT_FOUND: it cannot be opened.
   static absl::StatusOr<FileLock> TakeFile(const std::string& path, Kind kind = Kind::kExclusive);
-  // As TakeFile, but waits until others have given it back; asks `stop` twenty times a second.
+  // As TakeFile, but waits until other processes have released it; calls `stop` 20 times a second.
   static absl::StatusOr<FileLock> AwaitFile(const std::string& path, const StopCheck& stop,
                                             Kind kind = Kind::kExclusive);
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Raw numbers on the paper and on the print of a checkerboard, by their distance from the laser
-// line: both receive the same light but reflect different parts of it.
+// line. Paper and print receive the same light but reflect different fractions of it.
 #pragma once
 
 #include <Eigen/Core>
@@ -31,7 +31,7 @@ struct FrameTiles {
 
 // Tiles are ninths of squares, without their borders. Tiles with clipped pixels, tiles nearer to
 // the line than `least_distance_m` and tiles beyond the image are left out. Sides are means over
-// 1.5 to 2.5 times `least_distance_m` on the image, on whatever the line lies on.
+// 1.5 to 2.5 times `least_distance_m` from the line on the image, on paper or print.
 FrameTiles MeasureTiles(const Image<uint16_t>& image, double saturation_dn,
                         const TargetBoard& board, const Eigen::VectorXd& shared,
                         const Eigen::VectorXd& pose, const LineInFrame& line,

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// The light beside the laser line, measured in frames of a checkerboard of which exposure, f-number
-// and gain are unknown and whose line may be clipped.
+// Measures the light beside the laser line in frames of a checkerboard with unknown exposure,
+// f-number and gain, in which the line may be clipped.
 //
 // - Halo: dark squares reflect less than light ones. Light that falls on the board is weaker on
 //   them by the ratio of the reflectances; light that lens or sensor spread is not.
 // - Light at fixed places of the image comes from what moves with the scanner.
 // - Noise against level: shot noise of linear numbers has a variance in proportion to the level.
 //
-// All are compared between frames, so that errors are those of repeated frames (jackknife).
+// All are compared between frames, so that errors come from repeated frames (jackknife).
 #pragma once
 
 #include <Eigen/Core>
@@ -38,8 +38,8 @@ struct FrameLight {
   std::vector<HaloBin> halo;
   // Change of the print's raw numbers over that of the paper's at equal distances from the line.
   double print_over_paper = 0, print_over_paper_error = 0;
-  // Root mean square errors of tiles in frames that were left out [DN]: two constants; the halo
-  // alike on paper and print (lens, sensor); the halo in proportion to the reflectance (board).
+  // Root mean square prediction errors of tiles in left-out frames [DN] by three models: constants
+  // only; a halo equal on paper and print (lens, sensor); a halo in proportion to the reflectance.
   double even_rms_dn = 0, lens_rms_dn = 0, board_rms_dn = 0;
   std::vector<AlongLineBin> along_line;
   double along_line_correlation = 0;                    // between frames, mean over pairs
@@ -48,7 +48,7 @@ struct FrameLight {
   double clipped_fraction = 0;                          // of the line
 };
 
-// One frame after the other, so that only one image is in memory.
+// Takes one frame after the other, so that only one image is in memory.
 class FrameLightSums {
  public:
   void Add(const Image<uint16_t>& image, double saturation_dn, const LineInFrame& line,

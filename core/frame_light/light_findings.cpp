@@ -32,7 +32,8 @@ void AddHalo(const FrameLight& light, std::vector<std::string>* findings) {
   } else if (slope - 2 * error > kMostlyLens) {
     findings->push_back("Halo in lens or sensor: " + there + ", although they reflect less.");
   } else {
-    findings->push_back("Halo: " + there + ", which does not tell the board from lens and sensor.");
+    findings->push_back("Halo: " + there +
+                        ", which does not distinguish the board from lens and sensor.");
   }
 }
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tags of image files that say what the stored pixels mean, and one rule for all formats.
+// Tags of image files that define the meaning of stored pixels, and one rule for all formats.
 //
-// A reader of a format collects the tags (ImageTags), whatever they are called there. CheckTags
-// then decides for every format alike: an orientation is obeyed, every other tag that would change
+// A reader collects the tags of its format (ImageTags). CheckTags then decides for all formats in
+// the same way: an orientation is applied, every other tag that would change
 // the pixels' place or meaning is an error that names the tag. Orientations are numbered as in
 // TIFF 6.0 and Exif: 1 is as stored, 3 is rotated by 180 degrees, 5 to 8 swap rows and columns.
 #pragma once
@@ -32,8 +32,8 @@ struct ImageTags {
   std::vector<std::string> refusals;
 };
 
-// The orientation to obey, 1 to 8. INVALID_ARGUMENT: more than one image, two tags that contradict
-// each other, an orientation that does not exist, or any refusal.
+// The orientation to apply, 1 to 8. INVALID_ARGUMENT: more than one image, two contradictory tags,
+// an orientation that does not exist, or any refusal.
 absl::StatusOr<int> CheckTags(const ImageTags& tags);
 
 inline bool SwapsSides(int orientation) { return orientation >= 5; }
@@ -41,7 +41,7 @@ inline bool SwapsSides(int orientation) { return orientation >= 5; }
 // "rotated by 180 degrees".
 std::string OrientationText(int orientation);
 
-// The image as it is to be seen: its row 0 is the top row, its column 0 the left column.
+// The image after the orientation: row 0 is the top row, column 0 the left column.
 Image<uint16_t> Oriented(Image<uint16_t> stored, int orientation);
 
 // Adds an orientation tag; `where` names it in messages.

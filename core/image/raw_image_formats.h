@@ -9,13 +9,13 @@
 
 namespace sightline {
 
-// Tags of the whole file, without decoding pixels. Strips that the file does not have are left to
-// the reader of pixels. INVALID_ARGUMENT: the file's directory is damaged.
+// Reads the tags of the whole file without decoding pixels. The reader of pixels reports missing
+// strips. INVALID_ARGUMENT: the file's directory is damaged.
 absl::StatusOr<ImageTags> ReadPngTags(std::FILE* file, const StopCheck& stop);
 absl::StatusOr<ImageTags> ReadTiffTags(std::FILE* file, const StopCheck& stop);
 
-// Pixels as stored, whatever the orientation. Errors are those of ReadRawImageFile, without the
-// file's name. `check_size` is not empty; it is asked for the stored size.
+// Reads pixels as stored, without applying the orientation. Errors as ReadRawImageFile, without the
+// file's name. `check_size` is not empty; it is called with the stored size.
 absl::StatusOr<RawImageFile> ReadRawPng(std::FILE* file, const ImageSizeCheck& check_size,
                                         const StopCheck& stop);
 absl::StatusOr<RawImageFile> ReadRawTiff(std::FILE* file, const ImageSizeCheck& check_size,

@@ -31,7 +31,7 @@ bool IsJpeg(std::string_view head) {
   return head.starts_with("\xff\xd8\xff") || (head.size() >= 8 && head.substr(4, 4) == "jP  ");
 }
 
-// A new format is one line here; the rule for tags and left-over bytes then holds for it too.
+// Table of formats. The rules for tags and left-over bytes apply to all of them.
 struct RawImageFormat {
   bool (*is)(std::string_view head);
   absl::StatusOr<ImageTags> (*read_tags)(std::FILE*, const StopCheck&);
@@ -48,7 +48,7 @@ absl::Status CheckSides(int columns_px, int rows_px) {
       "is ", columns_px, " x ", rows_px, " px, must have at most ", kMaxImageSide_px, " a side"));
 }
 
-// Whether nothing but padding follows the image.
+// OK if only padding follows the image.
 absl::Status CheckBytesBehind(std::FILE* file, uint64_t end) {
   if (fseeko(file, 0, SEEK_END) != 0) return absl::InvalidArgumentError("cannot be read");
   const auto size = static_cast<uint64_t>(ftello(file));

@@ -16,23 +16,23 @@ namespace sightline {
 // Pixels per side of any raw image.
 inline constexpr int kMaxImageSide_px = 1 << 16;
 
-// Whether an image may have the size that its header claims; its message goes behind the path.
-// Asked before any memory is taken. Empty: up to kMaxImageSide_px a side.
+// Checks the size that the header of an image claims, before memory is allocated. An error message
+// is put behind the path. Empty: at most kMaxImageSide_px per side.
 using ImageSizeCheck = std::function<absl::Status(int columns_px, int rows_px)>;
 
 struct RawImageFile {
   Image<uint16_t> raw_dn;
   int file_bits = 16;   // 8 or 16 a pixel
-  int orientation = 1;  // tag of the file that `raw_dn` obeys, 1 to 8; 1: as stored
+  int orientation = 1;  // orientation applied to `raw_dn`, 1 to 8; 1: as stored
 };
 
-// The content tells the type, not the name. Numbers are taken as they are in the file; an
-// orientation (TIFF, Exif, XMP) is obeyed, so that row 0 is the top row. NOT_FOUND: no such file.
-// INVALID_ARGUMENT names the file and the reason: no regular file, a JPEG or another type, colour,
-// palette or transparency, other than 8 or 16 bits a pixel without sign, white stored as 0, lossy
-// compression, more than one image, another tag that changes the pixels, another size than allowed,
-// bytes left over, truncated or damaged. `stop` ends it early. `check_size` is asked for the size
-// that the image has once its orientation is obeyed.
+// The content determines the type, not the name. Numbers are not converted; an orientation (TIFF,
+// Exif, XMP) is applied, so that row 0 is the top row. NOT_FOUND: no such file. INVALID_ARGUMENT
+// names the file and the reason: no regular file, a JPEG or another type, colour, palette or
+// transparency, not 8 or 16 bits a pixel without sign, white stored as 0, lossy compression, more
+// than one image, another tag that changes the pixels, a size that is not allowed, bytes left over,
+// truncated or damaged. `stop` ends it early. `check_size` is called with the size of the image
+// after its orientation was applied.
 absl::StatusOr<RawImageFile> ReadRawImageFile(const std::string& path,
                                               const ImageSizeCheck& check_size = {},
                                               const StopCheck& stop = {});

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pixels of TIFF by libtiff, strip by strip; tiff_tags.cpp reads the tags. Whether a strip has all
-// its bytes is looked at here. Readers for pictures fill missing pixels with zeros, which would
-// pass for dark ones.
+// Reads pixels of TIFF by libtiff, strip by strip; tiff_tags.cpp reads the tags. Checks that every
+// strip has all its bytes: readers for pictures fill missing pixels with zeros, which would
+// look like dark ones.
 #include <tiffio.h>
 #include <unistd.h>
 
@@ -21,7 +21,7 @@
 namespace sightline {
 namespace {
 
-// Most that libtiff may allocate at once: lists of strips, and one compressed strip.
+// Largest single allocation by libtiff: lists of strips, and one compressed strip.
 constexpr tmsize_t kMaxLibraryBytes = tmsize_t{1} << 30;
 // A tile may be larger than the image.
 constexpr uint64_t kMaxTileBytes = uint64_t{1} << 28;
@@ -50,7 +50,7 @@ Tiff Open(std::FILE* file, std::string* message) {
   TIFFOpenOptionsSetMaxSingleMemAlloc(options, kMaxLibraryBytes);
   TIFFOpenOptionsSetErrorHandlerExtR(options, KeepFirst, message);
   TIFFOpenOptionsSetWarningHandlerExtR(options, Ignore, nullptr);
-  // Not mapped into memory: a file that shrinks meanwhile is an error, not a signal.
+  // Not memory-mapped, so that a file that shrinks meanwhile causes an error, not a signal.
   Tiff tiff(TIFFFdOpenExt(descriptor, "image", "rm", options));
   TIFFOpenOptionsFree(options);
   if (tiff == nullptr) close(descriptor);
@@ -189,7 +189,7 @@ absl::StatusOr<RawImageFile> ReadRawTiff(std::FILE* file, const ImageSizeCheck& 
   std::string message;
   const Tiff tiff = Open(file, &message);
   if (tiff == nullptr) {
-    return Damaged(message.empty() ? "it has no list of what is in it" : message);
+    return Damaged(message.empty() ? "it has no image file directory" : message);
   }
   TiffHeader header;
   SIGHTLINE_RETURN_IF_ERROR(ReadHeader(tiff.get(), &header));

@@ -49,16 +49,16 @@ class DirectoryWalk {
 
   absl::StatusOr<TiffDirectories> Run() {
     std::array<char, 16> head{};
-    if (!source_(0, 8, head.data())) return DamagedList("it has no list of what is in it");
+    if (!source_(0, 8, head.data())) return DamagedList("it has no image file directory");
     big_endian_ = head[0] == 'M';
     big_tiff_ = Value(head.data() + 2, 2) == 43;
     if (big_tiff_ && !source_(0, 16, head.data())) {
-      return DamagedList("it has no list of what is in it");
+      return DamagedList("it has no image file directory");
     }
     Reach(0, big_tiff_ ? 16 : 8);
     const uint64_t first = big_tiff_ ? Value(head.data() + 8, 8) : Value(head.data() + 4, 4);
     SIGHTLINE_RETURN_IF_ERROR(Chain(first, /*images=*/true));
-    if (found_.images.empty()) return DamagedList("it has no list of what is in it");
+    if (found_.images.empty()) return DamagedList("it has no image file directory");
     return std::move(found_);
   }
 
@@ -113,17 +113,17 @@ class DirectoryWalk {
     const size_t offset_bytes = big_tiff_ ? 8 : 4;
     std::array<char, 8> number{};
     if (!source_(offset, count_bytes, number.data())) {
-      return DamagedList("a list of what is in it lies behind its end");
+      return DamagedList("an image file directory lies behind its end");
     }
     const uint64_t count = Value(number.data(), count_bytes);
     if (count > kMostEntries) {
-      return DamagedList(absl::StrCat("a list of what is in it claims ", count, " tags"));
+      return DamagedList(absl::StrCat("an image file directory claims ", count, " tags"));
     }
     std::string entries(count * entry_bytes, '\0');
     const uint64_t behind = offset + count_bytes + entries.size();
     if (!source_(offset + count_bytes, entries.size(), entries.data()) ||
         !source_(behind, offset_bytes, number.data())) {
-      return DamagedList("a list of what is in it lies behind its end");
+      return DamagedList("an image file directory lies behind its end");
     }
     *next = Value(number.data(), offset_bytes);
     Reach(behind, offset_bytes);
@@ -172,7 +172,7 @@ class DirectoryWalk {
           absl::StrCat("is divided into more than ", kMostNumbers / 2, " strips or tiles"));
     }
     std::string raw(wanted * each, '\0');
-    // Numbers behind the end of the file: the reader of pixels says that it is truncated.
+    // Numbers behind the end of the file: the reader of pixels reports that it is truncated.
     if (!read(raw.size(), raw.data())) return absl::OkStatus();
     std::vector<uint64_t>& values = directory->numbers[tag];
     values.clear();

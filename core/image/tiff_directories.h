@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The lists of tags in a TIFF file (classic and BigTIFF) or in an Exif block, which has the same
-// form. libtiff reads the first image's pixels; this reader sees the rest: further images,
-// thumbnails, how far the file's contents reach.
+// Image file directories (lists of tags) of a TIFF file (classic and BigTIFF) or of an Exif block,
+// which has the same form. libtiff reads the first image's pixels; this reader finds the rest:
+// further images, thumbnails, and the end of the file's contents.
 #pragma once
 
 #include <cstddef>
@@ -34,8 +34,8 @@ struct TiffDirectories {
   uint64_t end = 0;                   // behind the last byte that a directory refers to
 };
 
-// INVALID_ARGUMENT: a directory lies outside of the file, refers to itself, or there is more of it
-// than a file of one image needs.
+// INVALID_ARGUMENT: a directory lies outside the file, refers to itself, or is larger than a file
+// of one image needs.
 absl::StatusOr<TiffDirectories> ReadTiffDirectories(const ByteSource& source,
                                                     const StopCheck& stop);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The parts of an inspection that images are made with.
+// The sections of an inspection for image rendering: camera, lens, sensor, materials, lighting.
 #pragma once
 
 #include <optional>
@@ -24,13 +24,13 @@ absl::StatusOr<Laser> ParseLaser(const v1::Laser& message, const std::string& co
 v1::Lens LensToProto(const Lens& lens);
 v1::Laser ImagingLaserToProto(const Laser& laser);
 
-// InlineInspectionFiles as far as it goes: `result` lacks files that could not be read, and the
-// error names them.
+// As InlineInspectionFiles, but continues after errors: `result` lacks files that could not be
+// read, and the error names them.
 absl::Status InlineFiles(const v1::Inspection& message, const std::string& context,
                          const std::string& base_folder, v1::Inspection* result);
 
-// Fills sensor, materials, lighting, render settings and effects. `message` has no camera and
-// material files any more (see InlineInspectionFiles); inspection->rig is set.
+// Fills sensor, materials, lighting, render settings and effects. In `message`, camera and material
+// files must be inlined (InlineInspectionFiles); inspection->rig must be set.
 absl::Status ParseImaging(const v1::Inspection& message, const std::string& context,
                           Inspection* inspection);
 

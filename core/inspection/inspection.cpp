@@ -199,7 +199,7 @@ void SetDefaultCosts(const v1::Inspection& message, const Inspection& inspection
   }
 }
 
-// Errors of a person, and of a robot with the repeatability that its data sheet states (ISO 9283).
+// Placement errors by hand, and by a robot with the repeatability of its data sheet (ISO 9283).
 constexpr double kHandPosition_m = 2e-3, kHandAngle_deg = 1;
 constexpr double kRobotPosition_m = 1e-4, kRobotAngle_deg = 0.05;
 
@@ -545,7 +545,7 @@ absl::Status ParseUncertaintyGoal(const v1::Inspection& message, const Checker& 
     SIGHTLINE_ASSIGN_OR_RETURN(inspection->uncertainty,
                                ParseUncertainty(message.uncertainty(), context));
     if (!message.rig().has_scan_step_m()) {
-      // Points a sixth of the resolution apart leave nothing of the surface between them.
+      // With points a sixth of the resolution apart, the surface between them is determined.
       double finest_m = inspection->uncertainty->resolution_m;
       for (const TargetRegion& region : inspection->targets.regions) {
         finest_m = std::min(finest_m, region.resolution_m.value_or(finest_m));
@@ -634,7 +634,7 @@ absl::StatusOr<ObstacleSource> ParseObstacle(const v1::Obstacle& obstacle, const
 
 namespace {
 
-// Light limits targets where the inspection asks for it.
+// Parses the limits by light, if the inspection states them.
 absl::Status ParseLightLimit(const v1::Inspection& message, const Checker& check,
                              const std::string& context, Inspection* inspection) {
   if (!message.has_detectability()) return absl::OkStatus();

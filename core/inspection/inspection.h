@@ -55,9 +55,9 @@ struct MeasurementDomain {
 // Bounds of Table 2.1.
 MeasurementDomain ThesisDomain();
 
-// How far a part is shifted from where line of sight and laser meet where nobody says: by its own
-// diameter (diagonal of the bounding box) at the most, rounded up to whole centimetres, and within
-// Table 2.1. Scans that have a small part farther off see nothing of it.
+// Default limit on the shift of a part from the point where line of sight and laser meet: its own
+// diameter (diagonal of the bounding box), rounded up to whole centimetres, within Table 2.1. Scans
+// with a larger shift do not see a small part.
 struct LargestOffset {
   double y_m, z_m;
   bool below_table_2_1;  // of y or z
@@ -82,7 +82,7 @@ struct ObstacleSource {
   ObstacleFrame frame;
 };
 
-// The worth of knowing a target (v1::GainWeights).
+// Weights of the gain of a target (v1::GainWeights).
 struct GainWeights {
   double coverage = 0;
   double admissible = 0;
@@ -92,11 +92,11 @@ struct GainWeights {
 };
 
 struct PlanningGoal {
-  double coverage = 0.95;  // 0: not asked for
+  double coverage = 0.95;  // 0: no goal of coverage
   int max_scans = 40;
   std::optional<double> max_time_s;
   double min_gain = 0.0002;
-  // Fraction of the toleranced targets to know admissibly; set: a plan for uncertainty.
+  // Fraction of the toleranced targets that need an admissible uncertainty; set: uncertainty goal.
   std::optional<double> admissible;
   GainWeights gain{.admissible = 0.5, .information = 0.5};
   // Limits on executing the plan; unset: none. The time is that of its cost.
@@ -117,9 +117,9 @@ struct TolerancedRegion {
   std::vector<int> faces;  // of the STEP file, from 1
 };
 
-// How well the surface must be known (v1::ToleranceRequirements).
+// Required certainty of the surface (v1::ToleranceRequirements).
 struct ToleranceRequirements {
-  std::optional<double> zone_width_m;  // of targets that nothing else binds; unset: not toleranced
+  std::optional<double> zone_width_m;  // for targets without another tolerance; unset: none
   double guard_factor = 2;
   double least_acceptance_zone = 0;  // fraction of the zone's width
   std::optional<double> relaxed_uncertainty_m;
@@ -137,19 +137,18 @@ struct CostModel {
   std::optional<double> reposition_time_s;
   std::optional<double> reposition_speed_rad_per_s;
   std::optional<double> reposition_speed_m_per_s;
-  // Laying the part on another face; turning or shifting it; another place of the sensors.
+  // Times for laying the part on another face, turning or shifting it, and moving the sensors.
   double lay_time_s = 0;
   double turn_time_s = 0;
   double move_sensors_time_s = 0;
 
-  // No field set: every scan costs 1.
+  // True if no field is set: every scan costs 1.
   bool IsUnit() const;
   // Whether set-ups cost time, so that their number matters.
   bool PricesSetups() const { return lay_time_s > 0 || move_sensors_time_s > 0; }
 };
 
-// Standard deviations of the errors with which part and sensors are put in their places
-// (v1::Placement).
+// Standard deviations of the placement errors of part and sensors (v1::Placement).
 struct PlacementErrors {
   double part_position_m = 0, part_angle_rad = 0;
   double sensor_position_m = 0, sensor_angle_rad = 0;
@@ -216,13 +215,13 @@ struct Inspection {
   PlanningGoal goal;
   PlacementErrors placement;  // all 0 by the defaults "0.1"
   CostModel costs;            // with the defaults of `defaults`
-  // Without them: a default speed has a cost but does not limit exposures.
+  // The stated costs, without defaults: a default speed has a cost but does not limit exposures.
   CostModel stated_costs;
   std::optional<UncertaintyModel> uncertainty;
   std::optional<ToleranceRequirements> tolerances;
   // Inputs of image rendering; planning does not read these.
   std::optional<Sensor> sensor;
-  // Exposure times that the camera has; with its defaults where the camera file has none.
+  // Range of exposure times of the camera; defaults if the camera file states none.
   double min_exposure_time_s = kShortestExposure_s, max_exposure_time_s = kLongestExposure_s;
   std::vector<MaterialChoice> materials;
   v1::Lighting lighting;  // radiances and places are checked, spectra by the renderer
@@ -239,13 +238,13 @@ struct Inspection {
 // file.
 absl::StatusOr<Inspection> ReadInspection(const std::string& path);
 
-// The same inspection without camera and material files: their contents are in the message, all
-// other file names resolved against `base_folder` (those in a material file: against its folder).
+// The same inspection with the contents of camera and material files in the message. All other file
+// names are resolved against `base_folder` (names in a material file: against its folder).
 absl::StatusOr<v1::Inspection> InlineInspectionFiles(const v1::Inspection& message,
                                                      const std::string& context,
                                                      const std::string& base_folder);
 
-// File names inside a material: tables and height field. Those that are empty are left out.
+// File names inside a material: tables and height field; without empty names.
 std::vector<std::string*> MutableMaterialFiles(v1::Material* material);
 
 // Validates a message; `context` (e.g. the file name) starts every error message. File paths are
@@ -254,30 +253,30 @@ absl::StatusOr<Inspection> ParseInspection(const v1::Inspection& message,
                                            const std::string& context,
                                            const std::string& base_folder);
 
-// The parts of an inspection that the coverage service takes, each validated alone with the same
+// Parse the sections of an inspection that the coverage service uses, each by itself, with the same
 // rules and messages.
 absl::StatusOr<Rig> ParseRig(const v1::Rig& rig, const v1::Camera& camera, const v1::Lens* lens,
                              const v1::Laser& laser, const std::string& context);
 absl::StatusOr<TargetSampling> ParseTargetSampling(const v1::TargetSampling& message,
                                                    const std::string& context);
-// Parameters that are not given: Table 2.1.
+// Parameters that are not given get the bounds of Table 2.1.
 absl::StatusOr<MeasurementDomain> ParseMeasurementDomain(const v1::MeasurementDomain& message,
                                                          const std::string& context);
-// Checks the inputs of limits on targets (a circle of confusion: lens and pixel pitch).
-// ParseInspection calls it; who parses rig and targets alone calls it too.
+// Checks that the inputs of limits on targets are given (circle of confusion: lens and pixel
+// pitch). ParseInspection calls it; callers that parse only rig and targets must call it too.
 absl::Status CheckLimitInputs(const Rig& rig, const TargetSampling& sampling,
                               const std::string& context);
 
-// Limits that planning sets on scans where the inspection gives none. To resolve a detail it takes
-// two pixels across it, so the footprint is at most half the required resolution (by default the
-// coverage radius). A line is found to a fraction of a pixel, so one whole pixel may stand for as
-// much depth as is to be resolved. None for an uncertainty goal, whose uncertainty includes the
-// effect of coarse pixels, and none for a required resolution of 0. By the current defaults the
-// surface may also be no steeper than 70 degrees to camera and laser, and where lens and pixel
-// pitch are known its circle of confusion no larger than 2 pixels.
+// Sets default limits on scans for which the inspection states none. A detail needs two pixels
+// across it, so the footprint is at most half the required resolution (by default the coverage
+// radius). A line is located to a fraction of a pixel, so one pixel may cover a depth of the
+// required resolution. There are no such limits for an uncertainty goal, which includes the effect
+// of coarse pixels, and for a required resolution of 0. By the current defaults, incidence to
+// camera and laser is at most 70 degrees, and the circle of confusion at most 2 pixels if lens and
+// pixel pitch are known.
 void DeriveLimits(Inspection* inspection);
 
-// Conversions at the edge: degrees outside, radians inside. Finite values are not checked here.
+// Conversions: degrees in messages, radians inside. They do not check that values are finite.
 Measurement MeasurementFromProto(const v1::Measurement& message);
 v1::Measurement MeasurementToProto(const Measurement& measurement);
 
@@ -288,7 +287,7 @@ v1::Rig RigToProto(const Rig& rig);
 v1::TargetSampling TargetSamplingToProto(const TargetSampling& sampling);
 v1::MeasurementDomain MeasurementDomainToProto(const MeasurementDomain& domain);
 
-// Unset for a frame that is not named.
+// nullopt for an unknown or unspecified frame.
 std::optional<ObstacleFrame> ObstacleFrameFromProto(v1::Obstacle::Frame frame);
 v1::Obstacle::Frame ObstacleFrameToProto(ObstacleFrame frame);
 inline constexpr char kObstacleFrameNames[] = "FRAME_PART, FRAME_STAGE, FRAME_TABLE or FRAME_WORLD";

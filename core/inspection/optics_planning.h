@@ -14,7 +14,7 @@
 
 namespace sightline {
 
-// How the laser line is detected; what is unset follows from the image (see v1::LineDetector).
+// Detector of the laser line; unset values are derived from the image (see v1::LineDetector).
 struct LineDetector {
   LaserLineMethod method = LaserLineMethod::kStegerCentreOfGravity;
   std::optional<int> channel;  // kRed, kGreen, kBlue
@@ -33,7 +33,7 @@ struct SettingDomain {
 
 struct OpticsPlanning {
   std::vector<double> f_numbers;  // ascending, at least one, all within the lens's
-  // Exposure times at the smallest f-number; unset: by the light.
+  // Exposure times at the smallest f-number; unset: derived from the light.
   struct Interval {
     double min, max;
   };
@@ -57,8 +57,8 @@ struct OpticsPlanning {
 // The f-numbers of the thesis, section 6.4.2: {1.4, 2, 2.8, 4, 5.6, 8, 11, 16, 22}.
 std::vector<double> UsualFNumbers();
 
-// `lens`: of the inspection. INVALID_ARGUMENT names context, field, value and allowed range: an
-// f-number or a focus distance that the lens does not have, an empty interval, ...
+// `lens`: lens of the inspection. INVALID_ARGUMENT names context, field, value and allowed range:
+// an f-number or focus distance outside the lens's range, an empty interval, ...
 absl::StatusOr<OpticsPlanning> ParseOpticsPlanning(const v1::OpticsPlanning& message,
                                                    const Lens& lens, const std::string& context);
 

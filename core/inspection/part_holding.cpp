@@ -22,7 +22,7 @@ constexpr Limits kTableSize{1e-3, 10, " m"};
 constexpr Limits kTableThickness{1e-3, 1, " m"};
 // Margin of the default table around the part, for every turn of the part.
 constexpr double kTableMargin_m = 0.1;
-// Turns about the vertical in which obstacles beside a part are tried, where all are allowed.
+// Number of turns about the vertical that are tried with obstacles if all turns are allowed.
 constexpr int kTriedTurns = 12;
 
 // Vertices stand in the order in which triangles name them, as in every mesh that was read: its
@@ -66,7 +66,7 @@ std::vector<double> TriedTurns(const ParameterDomain& gamma) {
   return turns;
 }
 
-// Faces that topple more easily are not offered, by the current defaults.
+// Least stability of offered faces by the current defaults.
 constexpr double kLeastStability_rad = 15 * std::numbers::pi / 180;
 
 // Moves the faces that topple too easily to `excluded`. Faces come by falling stability.
@@ -84,8 +84,8 @@ void ExcludeUnstable(HeldPart* held) {
   held->faces.erase(unstable, held->faces.end());
 }
 
-// How far an obstacle in the part's frame reaches below the table's upper face [m]; not above 0 if
-// it does not.
+// Depth of an obstacle in the part's frame below the table's upper face [m]; <= 0: it does not
+// reach into the table.
 double DepthInTable(const TriangleMesh& obstacle, const Eigen::Matrix3d& rotation,
                     const Eigen::Vector3d& centre_m, double table_height_m, double table_reach_m) {
   double depth_m = 0;

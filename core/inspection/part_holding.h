@@ -28,28 +28,28 @@ struct ExcludedRest {
 };
 
 struct HeldPart {
-  // One for every resting orientation of the domain, in its order; empty of parts that do not rest.
+  // One face per resting orientation of the domain, in its order; empty for parts that do not rest.
   std::vector<RestingFace> faces;
-  // Its upper face is z = 0 of FRAME_TABLE. Unset of parts that do not rest.
+  // The table; its upper face is z = 0 of FRAME_TABLE. Unset for parts that do not rest.
   std::optional<TriangleMesh> table;
-  // Faces on which the part would stand, but topples too easily or has an obstacle in the table.
+  // Faces on which the part would stand, but topple too easily or put an obstacle into the table.
   std::vector<ExcludedRest> excluded;
 };
 
-// Fills in what an inspection leaves to the part: how far it is shifted where no offsets are given,
-// the faces it rests on where no resting orientations are given, and the corners of its hull, which
-// the table's height follows from.
-// It offers the faces it finds that topple at 15 degrees or more (3 degrees by the defaults of
-// version 0.1); the others are excluded.
-// INVALID_ARGUMENT if a resting part has no stable face, or is flat; the message names the file.
+// Fills in values that follow from the part: limits on offsets if none are given, the faces it
+// rests on if no resting orientations are given, and the corners of its hull, which determine the
+// height of the table.
+// Faces that topple at 15 degrees or more are offered (3 degrees by the defaults of version 0.1);
+// the others are excluded.
+// INVALID_ARGUMENT: a resting part has no stable face, or is flat; the message names the file.
 absl::StatusOr<HeldPart> HoldPart(const TriangleMesh& part, Inspection* inspection);
 
-// Obstacles that reach into the part. A fixture (FRAME_PART) must not at all; what lies on the
-// table (FRAME_TABLE) or travels with the stage (FRAME_STAGE) must not in every turn about the
-// vertical that was tried, for each resting orientation; turns in which it does are left to the
-// scans' collision check. FRAME_WORLD stands elsewhere while the stage moves: the collision check
-// of every scan sees it. Of parts held freely FRAME_PART alone is checked. Reaching less than
-// kToleratedDepth_m is contact.
+// Check of obstacles that overlap the part. A fixture (FRAME_PART) must not overlap it. An obstacle
+// on the table (FRAME_TABLE) or the stage (FRAME_STAGE) must leave, for each resting orientation,
+// at least one of the tried turns about the vertical without overlap; the collision check of scans
+// handles the other turns. It also handles FRAME_WORLD, which stands still while the stage moves.
+// For freely held parts only FRAME_PART is checked. An overlap of less than kToleratedDepth_m is
+// contact.
 inline constexpr double kToleratedDepth_m = 5e-4;
 struct PlacedObstacle {
   const TriangleMesh* mesh;
@@ -61,9 +61,9 @@ absl::Status CheckObstaclesClear(const TriangleMesh& part, const Inspection& ins
                                  const HeldPart& held,
                                  const std::vector<PlacedObstacle>& obstacles);
 
-// Excludes the resting faces on which an obstacle in the part's frame (a clamp, a fixture) would
-// reach into the table by more than kToleratedDepth_m, from `held` and from the domain. Nothing by
-// the defaults of version 0.1. INVALID_ARGUMENT if no face is left.
+// Excludes, from `held` and from the domain, resting faces on which an obstacle in the part's frame
+// (a clamp, a fixture) would reach into the table by more than kToleratedDepth_m. Has no effect
+// with the defaults of version 0.1. INVALID_ARGUMENT: no face is left.
 absl::Status ExcludeBlockedRests(const TriangleMesh& part,
                                  const std::vector<PlacedObstacle>& obstacles,
                                  Inspection* inspection, HeldPart* held);

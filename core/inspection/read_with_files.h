@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// An inspection whose files are there, for commands that will need them.
+// Reads an inspection and checks that its files exist, for commands that need them.
 #pragma once
 
 #include <string>
@@ -9,9 +9,9 @@
 
 namespace sightline {
 
-// As ReadInspection, one error a line: all that is wrong with the file up to the number that
-// ErrorList takes, and every file of part, obstacles and tolerances that is not there (NOT_FOUND if
-// that is the first).
+// As ReadInspection, with one error per line: all errors of the file up to ErrorList::kMostErrors,
+// and every missing file of part, obstacles and tolerances (NOT_FOUND if such an error is the
+// first).
 absl::StatusOr<Inspection> ReadInspectionWithFiles(const std::string& path);
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Section `rig.robot` of an inspection, an arm or a table: how it stands and what it carries.
+// Section `rig.robot` of an inspection, an arm or a table: its base and its load.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -31,10 +31,10 @@ struct RobotMount {
   double acceleration_time_s = 0;  // from rest to that speed
 };
 
-// `message` has a rig.robot whose file name is resolved. INVALID_ARGUMENT names field and reason;
-// also where the rest of the inspection does not go with a robot: a head is rigid, so that camera
-// distance and triangulation angle must be one value each, and obstacles must be in a frame that is
-// at rest where the robot is.
+// `message` has a rig.robot whose file name is resolved. INVALID_ARGUMENT names field and reason,
+// also if the rest of the inspection contradicts a robot: a head is rigid, so camera distance and
+// triangulation angle must be one value each, and obstacles must be in a frame that is at rest
+// relative to the robot.
 absl::StatusOr<RobotMount> ParseRobotMount(const v1::Inspection& message,
                                            const MeasurementDomain& domain,
                                            const std::string& context);

@@ -50,7 +50,7 @@ struct Room : JobRoom {
   SharedLimit::Share bytes;
 };
 
-// std::mutex rather than absl::Mutex: the thread sanitizer sees into it without a rebuilt library.
+// Uses std::mutex, not absl::Mutex: the thread sanitizer supports it without a rebuilt library.
 class InMemoryJobStore : public JobStore {
  public:
   InMemoryJobStore(int workers, const JobLimits& limits)
@@ -98,7 +98,7 @@ class InMemoryJobStore : public JobStore {
       job = KnownLocked(kind, request_id);
     }
     if (job == nullptr) return std::nullopt;
-    // Takes time: without the mutex.
+    // fingerprint() takes time, so the mutex is not held.
     SIGHTLINE_RETURN_IF_ERROR(CheckSame(*job, fingerprint()));
     const std::lock_guard lock(mutex_);
     return job->record;
@@ -164,7 +164,7 @@ class InMemoryJobStore : public JobStore {
     const std::shared_ptr<Job> job = found->second;  // stays, even if the store forgets it
     const auto ready = [&] { return job->record.revision > revision || stopping_; };
     ++waiting_;
-    // An endless wait is cut: the clock's arithmetic would overflow.
+    // Very long waits are cut, because the clock's arithmetic would overflow.
     const auto bounded = absl::ToChronoMilliseconds(
         std::clamp(timeout, absl::ZeroDuration(), absl::Hours(24 * 365)));
     changed_.wait_until(lock, std::chrono::steady_clock::now() + bounded, ready);
@@ -190,7 +190,7 @@ class InMemoryJobStore : public JobStore {
     Context(InMemoryJobStore& store, Job& job) : store_(store), job_(job) {}
     void ReportProgress(double progress, const std::string& message) override {
       std::lock_guard lock(store_.mutex_);
-      // Progress never goes back; NaN changes nothing.
+      // Progress never decreases; NaN has no effect.
       job_.record.progress = std::max(job_.record.progress, std::min(progress, 1.0));
       job_.record.message = message;
       store_.Changed(job_);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Long operations as jobs. One interface for every service; this store keeps them in memory.
+// Jobs: long operations of a service. One interface for all services; the store here is in memory.
 #pragma once
 
 #include <atomic>
@@ -25,14 +25,14 @@ struct JobRecord {
   JobState state = JobState::kQueued;
   double progress = 0;  // [0, 1]
   std::string message;
-  std::string result_key;  // of a cancelled job, if any: of its partial result
+  std::string result_key;  // for a cancelled job: key of its partial result, if any
   absl::Status error;
   int64_t revision = 0;  // grows with every change
 
   bool finished() const { return state >= JobState::kSucceeded; }
 };
 
-// Handed to the running work.
+// Interface for running work to its job.
 class JobContext {
  public:
   virtual ~JobContext() = default;
@@ -41,11 +41,11 @@ class JobContext {
   virtual const std::atomic<bool>& cancelled() const = 0;
 };
 
-// Returns the result key; if cancelled, CANCELLED or the key of the partial result.
+// Work of a job. Returns the result key; if cancelled, CANCELLED or the key of a partial result.
 using JobWork = std::function<absl::StatusOr<std::string>(JobContext&)>;
 
-// Room for one job, from before its request is parsed until it is finished. Given back when it
-// goes.
+// Reservation for one job, held from before its request is parsed until the job is finished. The
+// destructor gives it back.
 class JobRoom {
  public:
   virtual ~JobRoom() = default;
@@ -54,26 +54,26 @@ class JobRoom {
 class JobStore {
  public:
   virtual ~JobStore() = default;
-  // Room for one job of `owner`, e.g. a peer, whose work holds on to `bytes()` of memory; that is
-  // only asked if the number of jobs allows one more. What a request costs before Create, its
-  // parsing and hashing, is only spent on those that have room. RESOURCE_EXHAUSTED: there is none;
-  // jobs that are being made count as those that wait or run.
+  // Reserves room for one job of `owner` (for example a peer). `bytes()` returns the memory [bytes]
+  // that the job will hold; it is called only if the number of jobs is below the limit. To be
+  // called before a request is parsed and hashed. RESOURCE_EXHAUSTED: a limit is reached by jobs
+  // that are reserved, wait or run.
   virtual absl::StatusOr<std::unique_ptr<JobRoom>> Reserve(
       const std::string& owner, const std::function<int64_t()>& bytes) = 0;
-  // The job that (kind, request_id) has made; it needs no room again. Nothing for a new or empty
-  // id. ALREADY_EXISTS: that job was of another `fingerprint()`, which is only asked of ids that
-  // are known.
+  // The job that an earlier request with the same (kind, request_id) has made; it needs no further
+  // room. nullopt: the id is new or empty. ALREADY_EXISTS: that job has another fingerprint.
+  // `fingerprint()` is called only if the id is known.
   virtual absl::StatusOr<std::optional<JobRecord>> Find(
       const std::string& kind, const std::string& request_id,
       const std::function<std::string()>& fingerprint) const = 0;
-  // Queues `work` and returns at once. A known (kind, request_id) returns that job and drops
-  // `work`; ALREADY_EXISTS if it was made with another `fingerprint`. An empty request_id is
-  // always new. The job keeps its `room`; without one it counts towards no limit.
+  // Queues `work` and returns at once. If (kind, request_id) is known, drops `work` and returns the
+  // earlier job; ALREADY_EXISTS: that job has another `fingerprint`. An empty request_id is always
+  // new. The job keeps its `room`; a job without room counts towards no limit.
   virtual absl::StatusOr<JobRecord> Create(const std::string& kind, const std::string& request_id,
                                            const std::string& fingerprint, JobWork work,
                                            std::unique_ptr<JobRoom> room = nullptr) = 0;
   virtual absl::StatusOr<JobRecord> Get(const std::string& job_id) const = 0;
-  // In order of creation; empty kind: all.
+  // Jobs of a kind (empty: of all kinds) in order of creation.
   virtual std::vector<JobRecord> List(const std::string& kind) const = 0;
   virtual absl::StatusOr<JobRecord> Cancel(const std::string& job_id) = 0;
   // Waits until the job's revision exceeds `revision` or the timeout passes; returns the job.
@@ -81,21 +81,21 @@ class JobStore {
                                                   absl::Duration timeout) const = 0;
 };
 
-// Finished jobs that a store remembers.
+// Number of finished jobs that a store keeps.
 inline constexpr int kKeptFinishedJobs = 1000;
 
-// Limits on the jobs that are admitted at a time.
+// Limits on the jobs that are reserved, wait or run at the same time.
 struct JobLimits {
   int64_t max_jobs = std::numeric_limits<int64_t>::max();
   int64_t max_jobs_of_owner = std::numeric_limits<int64_t>::max();
-  // A job that alone exceeds them has room while no other has.
+  // A job that alone exceeds one of these is admitted while no other job counts towards it.
   int64_t max_bytes = std::numeric_limits<int64_t>::max();
   int64_t max_bytes_of_owner = std::numeric_limits<int64_t>::max();
 };
 
-// Runs at most `workers` jobs at a time. Keeps the last kKeptFinishedJobs finished jobs. Work that
-// throws fails: RESOURCE_EXHAUSTED for lack of memory, INTERNAL otherwise. The destructor cancels
-// running jobs and waits for them.
+// Runs at most `workers` jobs at a time. Keeps the last kKeptFinishedJobs finished jobs. A job
+// whose work throws fails: with RESOURCE_EXHAUSTED if memory ran out, else INTERNAL. The destructor
+// cancels running jobs and waits for them.
 std::unique_ptr<JobStore> MakeInMemoryJobStore(int workers, const JobLimits& limits = {});
 
 }  // namespace sightline

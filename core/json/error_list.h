@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// All that is wrong with a file at once, so that people need not run a command once per mistake.
+// Collects all errors of a file, so that people need not run a command once per error.
 #pragma once
 
 #include <cstddef>
@@ -14,10 +14,10 @@ namespace sightline {
 
 class ErrorList {
  public:
-  // More would not be read, and looking for them could take long in a file that is all wrong.
+  // Limit on errors: nobody reads more, and in a very wrong file the search could take long.
   static constexpr size_t kMostErrors = 20;
 
-  // Adds `status` unless it is OK; returns whether it is. Errors that say the same count once.
+  // Adds `status` unless it is OK; returns true if it is OK. Equal messages are added once.
   bool Add(const absl::Status& status) {
     if (status.ok()) return true;
     if (full()) return false;
@@ -33,8 +33,8 @@ class ErrorList {
   // A full list means that no further errors are looked for.
   bool full() const { return messages_.size() >= kMostErrors; }
 
-  // OK if there are none; of the first one's code, one error a line in the order in which they
-  // came.
+  // OK if there are no errors. Else a status with the code of the first error and one error per
+  // line, in the order in which they were added.
   absl::Status Status() const {
     if (messages_.empty()) return absl::OkStatus();
     return {code_,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Numbers of protobuf messages that are no numbers.
+// Finds NaN and infinity in protobuf messages.
 #pragma once
 
 #include <optional>
@@ -12,13 +12,13 @@ class Message;
 
 namespace sightline {
 
-// Whether positive infinity has a meaning in a field: exposure times of DetectabilityOfMaterial.
-// Files write it as "Infinity".
+// True if positive infinity is allowed in a field: exposure times of DetectabilityOfMaterial. In
+// files it is "Infinity".
 bool MayBeInfinite(const google::protobuf::FieldDescriptor& field);
 
-// Path of the first float or double of a message that is NaN or infinite, such as
-// "plan.scans[2].rotation.w"; none if all are finite, or infinite where they may be. JSON of
-// protobuf can say "NaN", and no field of ours means anything by it.
+// Path of the first float or double of a message that is NaN, or infinite where that is not
+// allowed, such as "plan.scans[2].rotation.w"; nullopt: there is none. Protobuf's JSON may have
+// "NaN", which is not a valid value of any of our fields.
 std::optional<std::string> FirstNonFiniteField(const google::protobuf::Message& message);
 
 }  // namespace sightline

@@ -79,7 +79,7 @@ std::string Shown(absl::string_view text) {
   return absl::StrCat("\"", absl::CEscape(text.substr(0, 60)), text.size() > 60 ? "..." : "", "\"");
 }
 
-// A value of the text; of arrays and objects only that there is one.
+// A value of the text; for arrays and objects only the kind.
 struct JsonValue {
   enum class Type { kNull, kBool, kInteger, kNumber, kString, kArray, kObject };
   Type type = Type::kNull;
@@ -155,15 +155,15 @@ std::optional<Integer> IntegerOf(const JsonValue& value, uint64_t max_negative,
   return static_cast<Integer>(number);
 }
 
-// Fills a message from the parser's events, without a tree of the text in between: the text and the
-// message are all that is held. Goes on after a wrong field, so that all errors are said at once;
-// the message is then of no use.
+// Fills a message from the parser's events without an intermediate tree, so that only the text and
+// the message take memory. Continues after a wrong field, so that all errors are reported together;
+// the message is then not valid.
 class MessageReader : public nlohmann::json_sax<nlohmann::json> {
  public:
   MessageReader(std::string file, size_t most_bytes, Message* root)
       : file_(std::move(file)), most_bytes_(most_bytes), root_(root) {}
 
-  // Why the text was not read to its end: its syntax, or a limit.
+  // Reason why the text was not read to its end: its syntax, or a limit.
   const std::string& error() const { return error_; }
   // Place of an error of the syntax.
   std::optional<size_t> error_byte() const { return error_byte_; }
@@ -280,7 +280,7 @@ class MessageReader : public nlohmann::json_sax<nlohmann::json> {
     return path.size() <= kMostPathBytes ? path : path.substr(0, kMostPathBytes) + "...";
   }
 
-  // More errors are not looked for. Errors that say the same count too.
+  // True if the search for errors should end. Equal errors count too.
   bool IsFull() const {
     constexpr size_t kMostFound = 1000;
     return errors_.full() || errors_found_ >= kMostFound;
@@ -496,7 +496,7 @@ class MessageReader : public nlohmann::json_sax<nlohmann::json> {
     return integer;
   }
 
-  // Sets the field, or adds to it, unless the value is not one of the field.
+  // Sets the field, or adds to it, if the value is valid for the field.
   void SetValue(const Place& place, const JsonValue& value) {
     Message* const message = place.message;
     const FieldDescriptor* const field = place.field;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// proto3 JSON files with errors a person can act on.
+// Reads and writes proto3 JSON files; errors name the field and the reason.
 #pragma once
 
 #include <google/protobuf/message.h>
@@ -14,15 +14,15 @@ namespace sightline {
 
 // Parses `json` (snake_case names, // comments). INVALID_ARGUMENT names `file`, path of the field
 // ("rig.scan_step_m", "obstacles[2].frame") and reason; for an unknown field or enum value also the
-// nearest known name; an error a line, all there are up to ErrorList::kMostErrors. `message` is
+// nearest known name. It has one error per line, at most ErrorList::kMostErrors. `message` is
 // replaced if there is no error. The text is read in one pass, so that only the text and the
 // message take memory. A text whose message would take more than MostMessageBytes is refused:
 // `{},{},{}` makes messages of a hundred times its size.
 absl::Status ParseStrictJson(std::string json, const std::string& file,
                              google::protobuf::Message* message);
 
-// Limit of the message that ParseStrictJson makes of a text of so many bytes, in bytes of memory:
-// ten bytes a byte and 256 KiB, but never more than 64 MiB beyond the text.
+// Limit on the memory [bytes] of the message that ParseStrictJson makes from a text of `text_bytes`
+// bytes: ten times the text plus 256 KiB, but at most the text plus 64 MiB.
 inline constexpr size_t kMessageBytesPerTextByte = 10;
 size_t MostMessageBytes(size_t text_bytes);
 

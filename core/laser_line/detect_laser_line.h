@@ -27,15 +27,15 @@ struct LaserLineOptions {
   // Least ridge score [DN/px^2] that makes a line; a Gaussian line of standard deviation
   // ridge_sigma_px and height h [DN] has h / (2^1.5 ridge_sigma_px^2).
   double min_ridge_score_dn = 2;
-  // Half width of the window the position is taken from [px]; 0: 4 sigma. A plateau's half width
-  // comes on top. Windows end half way to the next line, at the least value.
+  // Half width of the window for the position [px]; 0: 4 sigma. The half width of a plateau is
+  // added. Between two lines the window ends at the least value.
   int half_window_px = 0;
-  // Values from here on are clipped; <= 0: none are.
+  // Values >= this one are clipped; <= 0: none are.
   double saturation_dn = 0;
-  // Most lines per column, strongest first; 1 for a single line.
+  // Most lines per column, by strength; 1 for a single line.
   int max_lines = 1;
-  // Constant background to take off before the centre is computed; the local one is estimated if
-  // unset (NaN). The Gaussian fit always fits it.
+  // Constant background that is subtracted before the centre is computed; NaN: the local background
+  // is estimated. The Gaussian fit always fits the background.
   double background_dn = 0;
 };
 
@@ -45,13 +45,13 @@ enum class LaserLineMethod {
   // shift it, nor does a constant background.
   kStegerCentreOfGravity,
   // Ridge score as above, then a least-squares Gaussian (three parameters and background) to the
-  // values of the column; log-parabola start. Clipped values only ask the Gaussian to reach them.
+  // values of the column; log-parabola start. At clipped values the Gaussian need only be as large.
   kGaussianFit,
 };
 
-// Points ordered by column, then by row. Empty where there is no line, where it is cut by the
-// image's edge so that no position can be had, or where the fit does not converge inside its
-// window. Values that are no finite numbers are interpolated along the column. INVALID_ARGUMENT:
+// Points ordered by column, then by row. A column has no point if it has no line, if the image's
+// edge cuts the line so that its position is undetermined, or if the fit does not converge within
+// its window. Values that are not finite are interpolated along the column. INVALID_ARGUMENT:
 // options outside their ranges, empty image.
 absl::StatusOr<std::vector<LinePoint>> DetectLaserLine(const Image<float>& image_dn,
                                                        const LaserLineOptions& options,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How well a detected laser line agrees with where it is: the optical cost of thesis section 6.4.2.
+// Agreement of a detected laser line with the true line: the optical cost of thesis section 6.4.2.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,7 @@ namespace sightline {
 // 97.5 % quantile of the standard normal distribution (two-sided 95 %).
 inline constexpr double kNormal95 = 1.959963984540054;
 
-// A place where the true line crosses an image column; a column may have several crossings.
+// A crossing of the true line with an image column; a column may have several crossings.
 struct LineCrossing {
   int column_px = 0;
   double row_px = 0;
@@ -20,7 +20,7 @@ struct LineCrossing {
 
 // Sums over the comparison with the true line. Adding two of them counts both.
 struct LineSums {
-  double columns = 0;    // that were looked at
+  double columns = 0;    // compared columns
   double crossings = 0;  // of the true line
   double found = 0;      // of these, detected
   double clipped = 0;    // of these, with a clipped profile
@@ -33,9 +33,9 @@ struct LineSums {
 };
 
 // Compares detected points with the crossings of the true line, both by ascending column, in blocks
-// of `block_px` columns over [0, columns_px): within a column every detected point belongs to the
-// nearest crossing that has none, nearest pairs first; points that are farther than `reach_px` from
-// any are false lines, crossings without a point are missed.
+// of `block_px` columns over [0, columns_px). Within a column, points and crossings are paired, the
+// nearest pairs first, up to a distance of `reach_px`. Points without a crossing are false lines,
+// crossings without a point are missed.
 std::vector<LineSums> CompareLine(const std::vector<LinePoint>& detected,
                                   const std::vector<LineCrossing>& line, int columns_px,
                                   int block_px, double reach_px);
@@ -45,9 +45,9 @@ struct LineCost {
   double prior_uncertainty_px = 3;  // u_pr of thesis eq. 6.5; 3 px there
   // Cost of one false line per column, in units of u_pr; 0 in the thesis.
   double false_line_weight = 0;
-  // Part of the detected points that may be clipped, in [0, 1]. More of them count as crossings
-  // that were not found, since the middle of a clipped profile follows the noise of its flanks. 1:
-  // no limit, as in the thesis.
+  // Fraction of the found crossings that may be clipped, in [0, 1]. Clipped ones beyond it count as
+  // not found, because the centre of a clipped profile follows the noise of its flanks. 1: no
+  // limit, as in the thesis.
   double max_clipped_fraction = 1;
 };
 
@@ -66,8 +66,8 @@ struct LineQuality {
 // Fewer than two found crossings have no standard deviation: u_px is then u_pr.
 LineQuality QualityOf(const LineSums& sums, const LineCost& cost);
 
-// Numbers of one setting from several images of the same lines that differ by chance alone
-// (speckle, photons, noise).
+// Estimates the quality of one setting from several images of the same lines that differ only by
+// random effects (speckle, photons, noise).
 class QualityEstimate {
  public:
   // sums[b][r]: block b (of columns, of any of the frames, weighted) in realisation r. At least one
@@ -96,8 +96,8 @@ class QualityEstimate {
 
   // Standard error of the mean cost.
   double CostStandardError() const;
-  // Standard error of the difference of two mean costs. Realisations of the same number are
-  // compared with each other, so what they share by chance cancels, if both have the same blocks.
+  // Standard error of the difference of two mean costs. Realisations with the same number are
+  // paired, so that common random effects cancel, if both estimates have the same blocks.
   double StandardErrorOfDifference(const QualityEstimate& other) const;
 
  private:

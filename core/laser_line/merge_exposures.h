@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Laser line points of two exposures of the same scene taken together.
+// Merges the laser line points of two exposures of the same scene.
 #pragma once
 
 #include <vector>
@@ -8,10 +8,10 @@
 
 namespace sightline {
 
-// Points of the long exposure that are not clipped, and of the short exposure those that are
-// farther than `apart_px` from all of these in their column: bright places are taken from the short
-// exposure, dark ones from the long. Clipped points of the long exposure count where the short has
-// none within `apart_px`. Both by column, then row; so is the result.
+// The result has, in this order of preference: unclipped points of the long exposure; points of the
+// short exposure; clipped points of the long exposure. A point is left out if a preferred one is
+// within `apart_px` of it in the same column. So dark places come from the long exposure and bright
+// ones from the short. Both inputs and the result are ordered by column, then row.
 std::vector<LinePoint> MergeExposures(const std::vector<LinePoint>& long_exposure,
                                       const std::vector<LinePoint>& short_exposure,
                                       double apart_px);

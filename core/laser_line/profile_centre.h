@@ -20,13 +20,13 @@ struct ProfileCentre {
   double width = 0;  // standard deviation
 };
 
-// Background of a window: median of the values up to one more half width beyond it on both sides,
-// where the borders leave any; else the least value inside the borders.
+// Background of a window: median of the values up to one half width outside it on both sides, if
+// at least four lie inside the borders; else the least value of window and surroundings.
 double LocalBackground(std::span<const double> profile, const ProfileWindow& window);
 
-// Centre of gravity of profile - background in a window centred on the result, as wide as asked for
-// or as the borders allow (thesis eq. A.7 with sub-pixel ends). Empty: no light, or less than a
-// pixel on a side left by the borders.
+// Centre of gravity of profile - background in a window centred on the result; the borders may make
+// the window narrower than `half_width` (thesis eq. A.7 with sub-pixel ends). Empty: no light, or
+// the borders leave less than a pixel on a side.
 std::optional<ProfileCentre> CentreOfGravity(std::span<const double> profile,
                                              const ProfileWindow& window, double background);
 

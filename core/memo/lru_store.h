@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Values by key, limited in bytes; the longest unused go first, and those that were not used for
-// long, if they are asked to.
+// A store of values by key with a limit in bytes: the least recently used values are dropped first.
+// Values that were not used for long can be dropped on request.
 #pragma once
 
 #include <chrono>
@@ -16,13 +16,13 @@
 
 namespace sightline {
 
-// Thread-safe. A holder of a value keeps it alive after it was dropped here.
+// Thread-safe. A value that was dropped lives on as long as somebody holds it.
 template <typename Value>
 class LruStore {
  public:
   explicit LruStore(int64_t max_bytes) : max_bytes_(max_bytes) {}
 
-  // Replaces a value of the same key. RESOURCE_EXHAUSTED if it alone exceeds the limit.
+  // Replaces a value of the same key. RESOURCE_EXHAUSTED: the value alone exceeds the limit.
   absl::Status Put(const std::string& key, std::shared_ptr<const Value> value, int64_t bytes) {
     if (bytes > max_bytes_) {
       return absl::ResourceExhaustedError(
@@ -47,7 +47,7 @@ class LruStore {
     return it->second.value;
   }
 
-  // Drops the values that nobody has put or got since then.
+  // Drops the values whose last Put or Get was not after `time`.
   void DropUnusedSince(std::chrono::steady_clock::time_point time) {
     std::lock_guard lock(mutex_);
     while (!order_.empty() && entries_[order_.back()].used <= time) Erase(order_.back());
@@ -71,7 +71,7 @@ class LruStore {
     std::list<std::string>::iterator place;
   };
 
-  // `key` by value: it may be an element of order_.
+  // `key` is a copy, because it may be an element of order_.
   void Erase(std::string key) {
     const auto it = entries_.find(key);
     if (it == entries_.end()) return;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Values of a pure function that is asked for the same again and again.
+// Caches values of a pure function that is called repeatedly with the same arguments.
 #pragma once
 
 #include <map>
@@ -8,8 +8,8 @@
 
 namespace sightline {
 
-// Keeps up to `most` values, then starts anew; may be used by several threads. Which values are
-// kept never shows in a result, since the same key always gives the same value.
+// Keeps up to `most` values, then forgets all of them. Thread-safe. Results do not depend on the
+// kept values, because a key always has the same value.
 template <typename Key, typename Value>
 class Memo {
  public:
@@ -22,7 +22,7 @@ class Memo {
       const auto found = known_.find(key);
       if (found != known_.end()) return found->second;
     }
-    // Unlocked: two threads may compute the same, none waits for another.
+    // Without the lock: two threads may compute the same value, but none waits for another.
     Value value = compute();
     const std::lock_guard<std::mutex> lock(mutex_);
     if (known_.size() >= most_) known_.clear();

@@ -6,8 +6,8 @@
 
 namespace sightline {
 
-// Status for the exception that is being handled: call it in a catch block only. RESOURCE_EXHAUSTED
-// where memory or threads ran out, INTERNAL for all others.
+// Status for the exception that is being handled; to be called only in a catch block.
+// RESOURCE_EXHAUSTED if memory or threads ran out, INTERNAL for all other exceptions.
 absl::Status StatusOfException();
 
 }  // namespace sightline

@@ -14,9 +14,9 @@
 
 namespace sightline {
 
-// Calls work(index) -> absl::Status for every index below `count`, on as many threads as there are
-// processors, each index once. `work` must not touch data of another index. Returns the error
-// of the lowest index that failed; after an error no index is begun. Throws what `work` throws.
+// Calls work(index) -> absl::Status once for every index below `count`, on as many threads as there
+// are processors. `work` must not access data of another index. Returns the error of the lowest
+// index that failed; after an error no further index is begun. Passes exceptions of `work` on.
 template <typename Work>
 absl::Status ForEachIndex(size_t count, const Work& work) {
   std::vector<absl::Status> statuses(count);

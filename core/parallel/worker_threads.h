@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Threads of one piece of work; an exception in one of them reaches the waiting thread.
+// Threads of one task; an exception in one of them is thrown again in the waiting thread.
 #pragma once
 
 #include <exception>
@@ -10,8 +10,8 @@
 
 namespace sightline {
 
-// An exception that leaves a std::thread ends the process. Work that runs out of memory must only
-// fail itself.
+// An exception that leaves a std::thread ends the process, but a task that runs out of memory must
+// only fail itself.
 class WorkerThreads {
  public:
   WorkerThreads() = default;
@@ -19,7 +19,7 @@ class WorkerThreads {
   WorkerThreads(const WorkerThreads&) = delete;
   WorkerThreads& operator=(const WorkerThreads&) = delete;
 
-  // Throws if the system gives no more threads; those that run go on.
+  // Throws if no more threads are available; running threads continue.
   template <typename Work>
   void Start(Work work) {
     threads_.emplace_back([this, work = std::move(work)]() mutable {
@@ -32,7 +32,7 @@ class WorkerThreads {
     });
   }
 
-  // Waits for all and throws the first exception of theirs.
+  // Waits for all threads and throws the first of their exceptions.
   void Join() {
     Wait();
     if (error_) std::rethrow_exception(std::exchange(error_, nullptr));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Numbers in sets that are joined (union-find with path halving, Tarjan and van Leeuwen 1984).
+// Disjoint sets of numbers (union-find with path halving, Tarjan and van Leeuwen 1984).
 #pragma once
 
 #include <algorithm>

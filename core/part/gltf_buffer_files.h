@@ -18,10 +18,10 @@ struct GltfBufferFile {
   std::string file;   // relative to the folder of the glTF file, decoded
 };
 
-// Files that the buffers of a .gltf file name, in the order of the file; none if every buffer is
-// embedded (a data URI). `json`: the bytes of the file; they are passed over once and not kept.
-// Reads nothing else: LoadPart reports other errors of the file. INVALID_ARGUMENT:
-// it is no JSON, or nested more than 64 deep; the message is the reason alone.
+// Files that the buffers of a .gltf file name, in the order of the file; empty if every buffer is
+// embedded (a data URI). `json`: the bytes of the file; they are read in one pass and not kept.
+// LoadPart reports other errors of the file. INVALID_ARGUMENT: the text is no JSON, or nested more
+// than 64 deep; the message is the reason alone.
 absl::StatusOr<std::vector<GltfBufferFile>> GltfBufferFiles(std::string_view json);
 
 }  // namespace sightline

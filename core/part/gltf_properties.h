@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// The properties of glTF 2.0 that the shape of a part depends on, checked in the JSON itself.
+// Checks, in the JSON itself, the properties of glTF 2.0 that determine the shape of a part.
 //
-// tinygltf drops an optional property of a wrong type and takes the default of the specification: a
-// scale of ["2", "2", "2"] is none, a mode of 5.0 is triangles. For a measured part that is a wrong
-// part. So one table states the type of each property, and a file that differs is refused.
+// tinygltf drops an optional property of a wrong type and uses the default of the specification: it
+// ignores a scale of ["2", "2", "2"] and reads a mode of 5.0 as triangles. The part would be wrong.
+// So one table states the type of each property, and a file that differs is refused.
 #pragma once
 
 #include <nlohmann/json.hpp>

@@ -152,8 +152,8 @@ absl::StatusOr<PointCloud> LoadPoints(const std::string& path) {
     const auto first = std::find_if(vectors.begin(), vectors.end(), bad);
     if (first == vectors.end()) return absl::OkStatus();
     return absl::InvalidArgumentError(absl::StrCat(
-        path, ": point ", first - vectors.begin(), ": its ", what, " is not finite; of ",
-        vectors.size(), " points this is so for ", std::count_if(first, vectors.end(), bad)));
+        path, ": point ", first - vectors.begin(), ": its ", what, " is not finite; points: ",
+        vectors.size(), ", not finite: ", std::count_if(first, vectors.end(), bad)));
   };
   SIGHTLINE_RETURN_IF_ERROR(first_bad(raw->positions, "position"));
   SIGHTLINE_RETURN_IF_ERROR(first_bad(raw->normals, "normal"));

@@ -17,22 +17,22 @@ namespace sightline {
 inline constexpr std::string_view kStateUnitAdvice = "state the unit of the file";
 
 // Extensions of the files that LoadPart reads, in lower case without the dot; and of those that can
-// come from memory, since they need no other files beside them.
+// come from memory, because they need no other files.
 std::vector<std::string> PartFormats();
 std::vector<std::string> PartFormatsInMemory();
 
 // `unit`: "m", "cm", "mm", "um", "inch"; empty means metres for glTF and is an error for formats
-// without units. Coordinates are taken as they are in the file (no axis swap); glTF node transforms
-// are applied, all meshes of the default scene are merged. The mesh has faces with area alone, with
-// coinciding corners welded: core/part/surface/normalise.h has the rule. Files are read to their
-// end: bytes that belong to nothing are an error. INVALID_ARGUMENT names file and reason:
-// truncated, too long, NaN, no triangles with area, a feature or extension that is not supported,
-// unknown unit, implausible size (largest extent below 1 mm or above 10 m: "looks like millimetres
-// read as metres"), a part so far from the origin of its file (16 m) that 32-bit coordinates would
-// be off by more than 1 um, a file that is none (a pipe), a buffer of a glTF file outside its
-// folder, faces that take too long to cut into triangles, more JSON in a glTF
-// file than docs/errors-and-limits.md allows. NOT_FOUND: no such file. `stop` ends the work early.
-// `unit_advice` ends the message about an implausible size: the remedy, if it is not to state a
+// without units. Axes are not swapped; glTF node transforms are applied, and all meshes of the
+// default scene are merged. The mesh has only faces with area, with coinciding corners welded, by
+// the rule of core/part/surface/normalise.h. Files are read to their end: bytes that belong to
+// nothing are an error. INVALID_ARGUMENT names file and reason: truncated, too long, NaN, no
+// triangles with area, a feature or extension that is not supported, unknown unit, implausible size
+// (largest extent below 1 mm or above 10 m: "looks like millimetres read as metres"), a part so far
+// from the origin of its file (16 m) that 32-bit coordinates would be off by more than 1 um, not a
+// regular file (a pipe), a buffer of a glTF file outside its folder, faces that take too long to
+// cut into triangles, more JSON in a glTF file than docs/errors-and-limits.md allows. NOT_FOUND: no
+// such file. `stop` ends the work early. `unit_advice`: remedy at the end of the message about an
+// implausible size, if it is not to state a
 // unit.
 absl::StatusOr<TriangleMesh> LoadPart(const std::string& path, const std::string& unit,
                                       const StopCheck& stop = {},
@@ -41,8 +41,8 @@ absl::StatusOr<TriangleMesh> LoadPart(const std::string& path, const std::string
 // Whether the name is that of a STEP file: .step, .stp or .p21, in any case.
 bool IsStepFileName(const std::string& file_name);
 
-// Checks a unit alone: known, and given if the name's extension is that of a format without units.
-// INVALID_ARGUMENT otherwise; the message starts with "is ...".
+// Checks only the unit: it must be known, and given for formats without units (by the name's
+// extension). The message of INVALID_ARGUMENT starts with "is ...".
 absl::Status CheckPartUnit(const std::string& file_name, const std::string& unit);
 
 // The same from memory; `format` is one of PartFormatsInMemory; `name` is for messages.
@@ -57,10 +57,10 @@ struct PointCloud {
   std::vector<Eigen::Vector3d> normals;  // unit vectors; empty if the file has none
 };
 
-// Vertices of a PLY file (ASCII or binary) in metres, normals where it has nx, ny, nz.
-// INVALID_ARGUMENT names the file and, of a coordinate that is not finite, the index of the first
-// such point (counted from 0) and how many there are; also for a damaged file and one without
-// points. NOT_FOUND: no such file.
+// Vertices of a PLY file (ASCII or binary) in metres, with normals if it has nx, ny, nz.
+// INVALID_ARGUMENT names the file: damaged, without points, or with coordinates that are not
+// finite; then also the index of the first such point (from 0) and their number. NOT_FOUND: no such
+// file.
 absl::StatusOr<PointCloud> LoadPoints(const std::string& path);
 
 // Binary little-endian PLY of points with normals, metres. For planned point clouds.

@@ -4,8 +4,8 @@
 // file to its end: bytes that belong to nothing are an error.
 //
 // Only glTF is read by a library (tinygltf). STL, PLY and OBJ are read here: each is a page of
-// code, and Assimp, the usual library for them, repairs and drops silently (degenerate faces, bad
-// indices, what follows a truncation) where a metrology tool has to refuse and say where.
+// code. Assimp, the usual library, silently repairs or drops degenerate faces, bad indices and data
+// after a truncation; a metrology tool has to refuse such a file and name the place.
 #pragma once
 
 #include <Eigen/Core>
@@ -55,11 +55,11 @@ inline constexpr size_t kMaxGltfJsonValues = 2'000'000;
 // 3 bytes of JSON takes some 2.5 kB. Enough for 100 000 materials or 500 000 nodes.
 inline constexpr size_t kMaxGltfElementBytes = size_t{256} << 20;
 
-// Steps of a reader's loop between two looks at its StopCheck: some milliseconds.
+// Steps of a reader's loop between two calls of its StopCheck: some milliseconds.
 inline constexpr size_t kStepsPerStopCheck = 1 << 16;
 
-// Messages of the returned errors are the reason only, without the file's name; INVALID_ARGUMENT
-// (more JSON or elements than the limits above too), or what `stop` says.
+// Messages of errors are the reason only, without the file's name. INVALID_ARGUMENT, also for more
+// JSON or elements than the limits above; or the error of `stop`.
 absl::StatusOr<RawMesh> ReadGlb(std::string_view bytes, const StopCheck& stop);
 // `bytes` are the JSON of the file at `path`, whose folder external buffers are read from.
 absl::StatusOr<RawMesh> ReadGltfFile(std::string_view bytes, const std::string& path,
@@ -79,8 +79,8 @@ class TextScanner {
   std::string_view Word();
   // Next word of the current line; empty at the end of the line.
   std::string_view WordInLine();
-  // Steps over the rest of the line; false at the end of the text. A comment is never joined with
-  // the line behind it: a path at its end ("C:\parts\") would swallow that.
+  // Skips the rest of the line; false at the end of the text. A comment is never joined with the
+  // next line, because a path at its end ("C:\parts\") ends with a backslash.
   bool NextLine(bool of_comment = false);
   bool AtEnd() const { return position_ >= text_.size(); }
   size_t line() const { return line_; }

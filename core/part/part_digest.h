@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The digest of a part says whether two files are about the same part. It carries the number of the
+// The digest of a part decides if two files describe the same part. It includes the number of the
 // rule by which the mesh was made from the part's file: another rule gives another mesh of the same
 // file, so digests of different rules cannot be compared. In files and calls it is the text
-// "RULE:HEX", "2:03eb40a7..."; digests without a rule were written before there were numbers, by
+// "RULE:HEX", "2:03eb40a7...". Older digests without a rule number belong to
 // rule 1.
 //
 //   absl::StatusOr<PartDigest> stated = ParsePartDigest(plan.part_digest());
@@ -35,17 +35,17 @@ struct PartDigest {
   bool operator==(const PartDigest&) const = default;
 };
 
-// SHA-256 of the mesh's canonical bytes: vertex count, positions, triangles. Materials do not
-// count: they change images, not coverage.
+// SHA-256 of the mesh's canonical bytes: vertex count, positions, triangles. It does not include
+// materials, which change images but not coverage.
 PartDigest PartDigestOf(const TriangleMesh& mesh);
 
 // Reads what Text() wrote, and bare hexadecimal digits as rule 1. The message of INVALID_ARGUMENT
 // starts with "is ...".
 absl::StatusOr<PartDigest> ParsePartDigest(std::string_view text);
 
-// Name of a part whose materials count too: the digest's text, "+" and the SHA-256 of the materials
-// of its triangles. The digest's text alone for a mesh without materials. Scenes that light limits
-// name their part so (v1::SceneSpec.part_digest).
+// Name of a part including its materials: the digest's text, "+" and the SHA-256 of the materials
+// of its triangles; only the digest's text for a mesh without materials. Scenes with limits by
+// light use this name (v1::SceneSpec.part_digest).
 std::string PartNameWithMaterials(const TriangleMesh& mesh);
 
 // The two parts of such a name; `materials` is empty for a digest's text alone.

@@ -12,18 +12,18 @@
 
 namespace sightline {
 
-// Cuts the polygons of one file into triangles: a fan of a convex one, otherwise ears (Meisters,
-// "Polygons have ears", 1975), looked for among the corners that could lie in them, which a grid
-// finds. That takes about linear time where ears are small against the polygon and quadratic time
-// at worst, so what one file may cost is limited.
+// Cuts the polygons of one file into triangles: a convex polygon into a fan, others by cutting ears
+// (Meisters, "Polygons have ears", 1975). A grid finds the corners that could lie in an ear. The
+// time is about linear if ears are small relative to the polygon, but quadratic at worst, so the
+// work for one file is limited.
 class PolygonCutter {
  public:
   // Steps of work (a corner or a cell of the grid looked at) for the polygons with more than
   // `kFewCorners` corners of one file: some five seconds.
   static constexpr int64_t kMostSteps = 1'000'000'000;
   static constexpr size_t kFewCorners = 32;
-  // Corners of one face. Cutting takes some 60 bytes for each, and no outline that was drawn or
-  // tessellated has as many.
+  // Limit on the corners of one face. Cutting takes about 60 bytes per corner; outlines that were
+  // drawn or tessellated have far fewer.
   static constexpr size_t kMostCorners = 1'000'000;
 
   explicit PolygonCutter(const StopCheck& stop) : stop_(stop) {}

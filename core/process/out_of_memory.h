@@ -4,8 +4,8 @@
 
 namespace sightline {
 
-// From now on an exception of type std::bad_alloc that nobody catches, in whatever thread, ends the
-// process with exit code 1 and "PROGRAM: out of memory" on stderr instead of SIGABRT. For the start
+// After this call an uncaught std::bad_alloc in any thread ends the process with exit code 1 and
+// "PROGRAM: out of memory" on stderr instead of SIGABRT. To be called at the start
 // of main.
 void ReportOutOfMemory(const char* program);
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// The time that another process takes by itself, for limits that hold on a busy machine as on an
-// idle one. A process that runs takes the CPU time that it gets. A process that sleeps (waits for a
+// Measures the time that another process takes by itself, for limits that are independent of the
+// load of the machine. A running process takes its CPU time. A sleeping process (waiting for a
 // timer, a lock, the network) takes the time that passes. A process that is ready to run or waits
-// for the disk is held up by the machine and takes no time. The states of its threads and its CPU
-// time are the kernel's: proc_pid_stat(5), clock_getcpuclockid(3).
+// for the disk is delayed by the machine and takes no time. The kernel reports the states of
+// threads and the CPU time: proc_pid_stat(5), clock_getcpuclockid(3).
 //
 //   ProcessClock clock(pid);
 //   while (!Ended(pid)) {
@@ -22,8 +22,8 @@ namespace sightline {
 
 class ProcessClock {
  public:
-  // How often callers look. The state seen by a look stands for the time since the look before, up
-  // to a second: a caller that is held up itself does not know what happened in between.
+  // Interval at which callers call Look. The state at a call counts for the time since the call
+  // before, up to a second: a caller that was delayed itself does not know the states in between.
   static constexpr absl::Duration kPeriod = absl::Milliseconds(100);
 
   // Starts at 0. `pid` is a child that has not been waited for.

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// A name for the build of the running program, for answers that are kept: another build may answer
-// otherwise, although it has the same version number.
+// Identifies the build of the running program, for cached answers: another build may answer
+// differently, although it has the same version number.
 #pragma once
 
 #include <string>
 
 namespace sightline {
 
-// SHA-256 of the running executable file, also where another one has its path by now. It is
-// computed once per process. "unknown" where the system does not give the file.
+// SHA-256 of the running executable file, even if another file has its path by now. Computed once
+// per process. "unknown" if the system does not provide the file.
 const std::string& ProgramBuild();
 
 }  // namespace sightline

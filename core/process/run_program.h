@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Another program, run for its answer.
+// Runs another program and collects its output.
 #pragma once
 
 #include <cstddef>
@@ -13,7 +13,7 @@ namespace sightline {
 
 struct FinishedProgram {
   std::string output;   // text that it wrote to stdout
-  std::string errors;   // the end of what it wrote to stderr, at most 4000 bytes
+  std::string errors;   // the end of its stderr, at most 4000 bytes
   int wait_status = 0;  // as of waitpid(); 0: it ended well
 };
 
@@ -25,8 +25,8 @@ struct ProgramLimits {
 };
 
 // Runs a program without a shell and collects its output. The program does not outlive the
-// call. `start` is without descriptors 1 and 2. UNAVAILABLE: it cannot be started;
-// DEADLINE_EXCEEDED, RESOURCE_EXHAUSTED: it took longer or wrote more than it may, and was ended.
+// call. `start` must not set descriptors 1 and 2. UNAVAILABLE: the program cannot be started;
+// DEADLINE_EXCEEDED, RESOURCE_EXHAUSTED: it exceeded the limit on time or output and was ended.
 absl::StatusOr<FinishedProgram> RunProgram(ProcessStart start, const ProgramLimits& limits);
 
 }  // namespace sightline

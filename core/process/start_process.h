@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Starts another program; and how such a program ends with the one that started it.
+// Starts another program, which can be made to end together with the one that started it.
 #pragma once
 
 #include <sys/types.h>
@@ -13,16 +13,16 @@ namespace sightline {
 
 struct ProcessStart {
   std::vector<std::string> words = {};  // the program, and its arguments
-  // Look for a program without '/' in its name in the folders of PATH.
+  // True: a program without '/' in its name is searched in the folders of PATH.
   bool in_path = false;
-  // Folder that it runs in; empty: this one.
+  // Working folder of the program; empty: the current one.
   std::string folder = {};
 
-  // Variables of its environment besides ours, "NAME=VALUE"; they replace ours of the same name.
+  // Additional environment variables, "NAME=VALUE"; they replace ours of the same name.
   std::vector<std::string> environment = {};
 
-  // A descriptor that the process inherits: one of ours, or a file (`flags` as of open(2); mode
-  // 0600). Standard input is empty unless given here; of other descriptors of ours it has those
+  // A descriptor that the process inherits: one of ours, or a file (`flags` as for open(2); mode
+  // 0600). Standard input is empty unless given here. The process also inherits our descriptors
   // that are not close-on-exec.
   struct Descriptor {
     int number;
@@ -32,21 +32,21 @@ struct ProcessStart {
   };
   std::vector<Descriptor> descriptors = {};
 
-  // It stays in this process's group: signals of a terminal, as on Ctrl-C, reach it too.
+  // True: it stays in this process's group, so that signals of a terminal (Ctrl-C) reach it too.
   bool in_our_group = false;
-  // It is one of our programs, which calls EndWithParent(): the thread that starts it must outlive
-  // it, for the kernel ends it with that thread.
+  // True for our programs, which call EndWithParent(). The starting thread must outlive the
+  // process: the kernel ends the process together with that thread.
   bool ends_with_us = false;
 };
 
-// The new process leads a process group of its own unless asked otherwise, so that signals of a
-// terminal do not reach it and kill(-pid, ...) ends it with its children; it blocks and ignores no
-// signal. The caller waits for it. UNAVAILABLE: it cannot be started, and why.
+// The new process leads a process group of its own (unless `in_our_group`), so that signals of a
+// terminal do not reach it and kill(-pid, ...) ends it with its children. It blocks and ignores no
+// signal. The caller must wait for it. UNAVAILABLE states why it cannot be started.
 absl::StatusOr<pid_t> StartProcess(const ProcessStart& start);
 
-// For a program that was started with `ends_with_us`, first of all that it does: it is killed when
-// the thread ends that started it, at once if its parent is gone already. Nothing for one that was
-// started otherwise.
+// To be called first by programs that may be started with `ends_with_us`: the kernel then kills the
+// process when the thread that started it ends, at once if the parent is gone already. Has no
+// effect if the process was started otherwise.
 void EndWithParent();
 
 }  // namespace sightline

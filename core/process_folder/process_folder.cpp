@@ -23,7 +23,7 @@ namespace fs = std::filesystem;
 
 constexpr char kLockFile[] = "/.lock";
 constexpr size_t kRandomLetters = 6;
-// Folders looked at per start: many folders of other users must not hold us up.
+// Most folders that one start checks, so that many folders of other users do not delay it.
 constexpr int kMostFoldersSwept = 10000;
 // A sweep of another process may take a folder in the moment before it is locked.
 constexpr int kMostAttempts = 100;
@@ -43,7 +43,7 @@ bool IsOwnFolder(const std::string& path) {
   return lstat(path.c_str(), &info) == 0 && S_ISDIR(info.st_mode) && info.st_uid == geteuid();
 }
 
-// The lock last: a folder that is only half removed must be found again.
+// The lock file is removed last, so that a partly removed folder is found again.
 void RemoveTree(const std::string& path) {
   std::error_code error;
   for (fs::directory_iterator it(path, error); !error && it != fs::directory_iterator();

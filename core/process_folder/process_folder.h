@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A folder of one process, which goes with it, also when it is killed.
+// A folder of one process that is removed with it, even if the process was killed.
 #pragma once
 
 #include <string>
@@ -8,14 +8,14 @@
 
 namespace sightline {
 
-// A new folder that only this user can enter. It is removed at the end, with all that is in it;
-// the next process that makes a folder of the same name there removes what a killed process left.
-// Such folders are known by a lock on a file in them, which the kernel gives up
-// with the process.
+// A new folder that only this user can enter. The destructor removes it with its contents. The
+// next process that makes a folder of the same name removes folders of killed processes. It
+// recognises them by a lock on a file in them, which the kernel releases with the
+// process.
 class ProcessFolder {
  public:
-  // BASE/NAME-XXXXXX with random letters. Removes abandoned folders of that name first.
-  // INVALID_ARGUMENT: no folder can be made there, and why.
+  // Makes BASE/NAME-XXXXXX with random letters, after removing abandoned folders of that name.
+  // INVALID_ARGUMENT states why no folder can be made there.
   static absl::StatusOr<ProcessFolder> Make(const std::string& base, const std::string& name);
 
   ProcessFolder(ProcessFolder&& other) noexcept;
@@ -24,7 +24,7 @@ class ProcessFolder {
 
   // Empty once removed.
   const std::string& path() const { return path_; }
-  // Removes it now; what cannot be removed is left to the next process.
+  // Removes the folder now; the next process removes files that cannot be removed now.
   void Remove();
 
  private:

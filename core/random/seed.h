@@ -18,8 +18,8 @@ constexpr uint64_t SplitMix64(uint64_t x) {
 // A seed of its own for one purpose, e.g. DeriveSeed(seed, "speckle", 3).
 uint64_t DeriveSeed(uint64_t seed, const char* purpose, uint64_t index = 0);
 
-// The same for streams that have numbers instead of names. A template, so that a literal 0 is a
-// number and no null pointer.
+// The same for streams with numbers instead of names. It is a template, so that a literal 0 is a
+// number, not a null pointer.
 template <std::integral Stream>
 constexpr uint64_t DeriveSeed(uint64_t seed, Stream stream) {
   return SplitMix64(SplitMix64(seed) ^ (static_cast<uint64_t>(stream) * 0xd1342543de82ef95 + 1));

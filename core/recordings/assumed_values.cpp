@@ -357,8 +357,8 @@ class Completion {
     }
     if (times_missing) {
       notes_.emplace_back(
-          "recordings[].timestamp_s is not stated: one recording per second is assumed; what "
-          "changes with time cannot be told");
+          "recordings[].timestamp_s is not stated: one recording per second is assumed; "
+          "changes with time cannot be determined");
     }
   }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Are the numbers proportional to light? Tests that need no model of the image.
+// Tests if numbers are proportional to light, without a model of the image.
 #pragma once
 
 #include <optional>

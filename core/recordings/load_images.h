@@ -23,7 +23,7 @@ struct LoadedImages {
   // One for every recording, in the same order; empty if it cannot be used.
   std::vector<Image<uint16_t>> raw_dn;
   std::vector<std::string> errors;  // name file, field and reason
-  // Numbers of all images fit into 8 bits and the files have no more, though the camera has.
+  // True if all images have 8 bits, in numbers and files, although the camera has more.
   bool eight_bit_files = false;
   std::vector<std::string> remarks;  // tags of files that were obeyed, one line each kind
 };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Infers from the numbers of images alone how they were made.
+// Infers, from the numbers of images alone, how the images were made.
 #pragma once
 
 #include <cstdint>
@@ -17,9 +17,9 @@ Histogram CountValues(const Image<uint16_t>& image);
 // Largest power of two that divides every value, 1 to 32768; 1 if all are 0.
 int CommonPowerOfTwo(const Histogram& counts);
 
-// The value at which the camera clips: the largest one that occurs, if more pixels have it than a
-// distribution that falls towards its end explains. One-sided binomial test of its count against
-// those of the eight values below, at a level of 0.1 %; nullopt if the test does not reject.
+// The value at which the camera clips: the largest value, if its count is too large for a
+// distribution that falls towards its end. One-sided binomial test of its count against those of
+// the eight values below, at a level of 0.1 %; nullopt if the test does not reject.
 std::optional<int> ClipLevel(const Histogram& counts);
 
 // Largest number that the camera writes: the clip level if it is below `largest`, otherwise

@@ -413,7 +413,7 @@ absl::StatusOr<ShotList> PlanShotList(const Inspection& inspection, const std::s
   }
   set.laser.beam_quality_m2 = 1;
   if (inspection.rig.laser.beam_quality_m2 != 1) {
-    list.notes.push_back("laser.beam_quality_m2 is taken as 1, all that recordings.json knows");
+    list.notes.push_back("laser.beam_quality_m2 is taken as 1, the only value in recordings.json");
   }
   if (inspection.materials.empty()) {
     set.surface = SurfaceOf({}, set.laser.wavelength_m, &list.notes);
@@ -470,7 +470,7 @@ std::string ShotListText(const ShotList& list) {
       "   one right after the other. Dark: an opaque cover on the lens.\n"
       "5. What your rig cannot do, leave out: delete the entry. What you set otherwise, correct "
       "in\n"
-      "   recordings.json: it is what was that counts, not what was planned.\n"
+      "   recordings.json: it must describe the recordings as made, not as planned.\n"
       "6. `sightline recordings check` on this folder while the rig still stands.\n");
   for (const std::string& note : list.notes) absl::StrAppend(&text, "\nNote: ", note, ".\n");
   absl::StrAppend(

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Proposes recordings of a plate that show what the description of a rig leaves out.
+// Proposes recordings of a plate that determine what the description of a rig leaves open.
 #pragma once
 
 #include <string>

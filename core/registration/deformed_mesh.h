@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A mesh with its surface moved along its normals, to stand for a part as it was measured.
+// Moves the surface of a mesh along its normals, to represent a part as it was measured.
 #pragma once
 
 #include <Eigen/Core>

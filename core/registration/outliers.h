@@ -14,18 +14,18 @@
 namespace sightline {
 
 struct OutlierRule {
-  // Side of the cubes within which the surface deviates little [m].
+  // Side of the cubes within which the deviation of the surface is nearly constant [m].
   double cell_m = 0.0012;
-  // An outlier differs from the median deviation of its cube by more than so many standard
-  // deviations. A normal distribution has one in 5e8 beyond six.
+  // An outlier differs from the median deviation of its cube by more than this number of standard
+  // deviations. For a normal distribution one value in 5e8 lies beyond six.
   double most_deviations = 6;
 };
 
 // For every point, 1 if it is an outlier. The deviations from the model of all points within a cube
 // are compared with their median (Hampel's identifier, Technometrics 13(2), 1971). Their standard
 // deviation is 1.4826 times the median absolute deviation, but no less than the noise of detection.
-// A dent or a wrong place of a whole face moves the median and makes no outliers. Points in cubes
-// of fewer than 5 are judged in cubes of twice, then of four times the side; in those they stay.
+// A dent or a wrong place of a whole face moves the median and makes no outliers. Cubes with fewer
+// than 5 points are doubled in side, at most twice; if there are still fewer, the points stay.
 std::vector<uint8_t> FindOutliers(const PointsOnModel& points, const ScanNoise& noise,
                                   const OutlierRule& rule);
 

@@ -8,13 +8,13 @@
 // Vision Computing 10(3), 1992), with Tukey's biweight rho and a prior:
 //   sum_i rho(n_i . (M^-1 y_i - p_i)) / s^2 + |theta|^2 / s_theta^2 + |t|^2 / s_t^2,
 // p_i the nearest point of the model, n_i the normal there, s the residuals' robust standard
-// deviation (1.4826 median |r|), found anew in every step. At first the biweight reaches all
-// points, and its reach narrows step by step: else a few points that alone fix a direction would
-// lose their weight before the part has come to lie right along it. With the noise of the points
-// known, residuals are taken in units of its standard deviation along n_i, and points that it may
-// have brought from another face are left out once the part lies nearly right: the nearest surface
-// would not be theirs, and near edges all of them would err the same way. Surfaces that deviate
-// from the model, clamps and stray points lose their weight.
+// deviation (1.4826 median |r|), updated in every step. At first the biweight reaches all points;
+// its reach narrows step by step. Otherwise a few points that alone determine a direction would
+// lose their weight before the part is aligned along it. If the noise of the points is known,
+// residuals are in units of its standard deviation along n_i. Once the part is nearly aligned,
+// points that noise may have moved from another face are left out: their nearest surface may be
+// wrong, and near edges all these errors have the same sign. Surfaces that deviate from the model,
+// clamps and stray points lose their weight.
 #pragma once
 
 #include <Eigen/Core>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How uncertain the points of a scan are along a direction, from the rig that measured them.
+// Variance of the points of a scan along a direction, for the rig that measured them.
 #pragma once
 
 #include <Eigen/Core>

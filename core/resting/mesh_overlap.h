@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How far two bodies reach into one another.
+// Overlap of two bodies: volume and depth.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -12,8 +12,8 @@ namespace sightline {
 struct MeshOverlap {
   // Volume of the intersection.
   double volume_m3 = 0;
-  // Longest way through it along x, y and z; the least of the three tells how deep one body is in
-  // the other.
+  // Longest chord through the intersection along x, y and z; the least of the three is the depth of
+  // one body in the other.
   double extent_m[3] = {0, 0, 0};
 
   double depth_m() const { return std::min({extent_m[0], extent_m[1], extent_m[2]}); }

@@ -85,8 +85,8 @@ struct CylinderBody {
 // the image rows.
 using Body = std::variant<BoxBody, CylinderBody>;
 
-// How a part lies that is not where its holder should have it. A point x of the part is where the
-// rig would place the point  rotation (x - centre_m)  from the centre that its offsets refer to.
+// Placement of a part that is not where its holder should have it. The point x of the part takes
+// the place of the point  rotation (x - centre_m)  relative to the centre that offsets refer to.
 struct PartPlacement {
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
   Eigen::Vector3d centre_m = Eigen::Vector3d::Zero();  // part coordinates
@@ -103,11 +103,11 @@ struct Rig {
   std::vector<Body> laser_bodies = {BoxBody{{0, 0, -0.06}, {0.04, 0.04, 0.12}}};
   // Least gap between these bodies and part, table and obstacles.
   double clearance_m = 0;
-  // Unset: not turned, about the centre of its bounding box.
+  // Unset: the part is not turned; offsets refer to the centre of its bounding box.
   std::optional<PartPlacement> part_placement;
-  // Points of the part among which its lowest one is however it is turned, from the centre that
-  // offsets refer to: corners of its convex hull, or all its vertices where few scans are asked.
-  // Null where nothing asks for the height of a table under the part.
+  // Points of the part, relative to the centre that offsets refer to, that include its lowest point
+  // for every rotation: corners of its convex hull, or all its vertices if there are few scans.
+  // Null if the height of a table under the part is not needed.
   std::shared_ptr<const std::vector<Eigen::Vector3d>> part_support_points_m;
 };
 

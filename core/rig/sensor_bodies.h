@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Positions of the bodies of camera and laser in a scan, and whether there is room for both.
+// Positions of the bodies of camera and laser in a scan, and their collision with each other.
 #pragma once
 
 #include "core/rig/rig.h"
@@ -16,12 +16,12 @@ Zonotope BodyAt(const Body& body, const SensorPose& pose);
 // and up to sqrt(3) times as much at its corners.
 Body WithMargin(const Body& body, double margin_m);
 
-// How far [m] the bodies of camera and laser reach into one another: of the pair that does so most,
-// the shortest way that takes it apart; 0: none do. Exact for the solids of BodyAt (separating
-// axes). Depends on camera distance, laser distance and triangulation angle alone.
+// Penetration depth [m] of the bodies of camera and laser: the shortest translation that separates
+// the pair with the deepest overlap; 0: no overlap. Exact for the solids of BodyAt (separating
+// axes). Depends only on camera distance, laser distance and triangulation angle.
 double SensorBodyOverlap(const Rig& rig, const ScanGeometry& geometry);
 
-// Whether they cannot both stand there. Bodies that are drawn as touching may.
+// True if the bodies overlap; bodies that just touch do not.
 bool SensorBodiesCollide(const Rig& rig, const ScanGeometry& geometry);
 
 }  // namespace sightline

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whether plans may rely on the uncertainty that a calibrated scanner predicts: the ratio of real
-// to predicted scatter in frames that were left out, with its 95 % interval.
+// Verdict on the predicted uncertainty of a calibrated scanner, on which plans rely: the ratio of
+// real to predicted deviations in left-out frames, with its 95 % interval.
 #pragma once
 
 #include <string>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How well a calibration predicts a frame that it has not seen.
+// Cross-validation: how well a calibration predicts a left-out frame.
 //
 // Camera and laser plane are adjusted without the frame. Its line is triangulated with them and the
 // distances of the points from the target, whose pose its corners give, are compared with the

@@ -54,8 +54,8 @@ struct Sensor {
   int ChannelAt(int row, int column) const;
 };
 
-// The channel that converts most light of a wavelength: kRed, kGreen or kBlue, the first of equals;
-// 0 of mono sensors.
+// The channel with the largest quantum efficiency at a wavelength: kRed, kGreen or kBlue, the first
+// one in a tie; 0 for mono sensors.
 int MostSensitiveChannel(const Sensor& sensor, double wavelength_m);
 
 // Validates a message; `context` (e.g. the file name) starts every error message.

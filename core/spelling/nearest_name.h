@@ -12,8 +12,8 @@ namespace sightline {
 // Empty if there is none. Only the first 100 bytes of `name` are looked at.
 std::string NearestName(const std::string& name, const std::vector<std::string>& known);
 
-// The same, but empty where `name` is not like any: more than a third of its letters, and more than
-// two, would have to change.
+// The same, but empty if `name` is not similar to any: more than a third of its letters, and more
+// than two, would have to change.
 std::string LikelyName(const std::string& name, const std::vector<std::string>& known);
 
 }  // namespace sightline

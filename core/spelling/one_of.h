@@ -7,7 +7,7 @@
 
 namespace sightline {
 
-// "glb, stl or ply"; one word alone, nothing of none.
+// "glb, stl or ply"; a single word by itself; empty for no words.
 std::string OneOf(const std::vector<std::string>& words);
 
 }  // namespace sightline

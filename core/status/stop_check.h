@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How long work learns that it is no longer wanted.
+// Stops long work that is no longer wanted.
 #pragma once
 
 #include <atomic>
@@ -9,13 +9,13 @@
 
 namespace sightline {
 
-// Asked now and then by work that can take long; an error (a deadline that passed, a server that
-// stops) ends the work and is its result. Empty: never.
+// Long work calls this check at intervals. An error (a deadline passed, the server stops) ends the
+// work and is its result. An empty function never ends it.
 using StopCheck = std::function<absl::Status()>;
 
 inline absl::Status CheckStop(const StopCheck& stop) { return stop ? stop() : absl::OkStatus(); }
 
-// Whether another thread has set the flag that ends the work. Null: the work cannot be cancelled.
+// True if another thread has set the flag that ends the work. Null: the work cannot be cancelled.
 inline bool IsCancelled(const std::atomic<bool>* cancelled) {
   return cancelled != nullptr && cancelled->load(std::memory_order_relaxed);
 }

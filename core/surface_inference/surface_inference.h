@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How well a surface is known at a target from the points measured around it: Gaussian-process
+// Uncertainty of a surface at a target, given the points measured around it: Gaussian-process
 // regression along the target's normal (thesis 3.4; Rasmussen and Williams, Gaussian Processes for
 // Machine Learning, 2006).
 //

@@ -267,7 +267,7 @@ class Sampler {
 
   static absl::Status Cancelled() { return absl::CancelledError("target sampling"); }
 
-  // Asked for every piece and candidate, looks at the flag now and then only.
+  // Called for every piece and candidate; reads the flag only every 1024th time.
   bool ShouldStop() {
     if (cancelled_ == nullptr || ++asked_ % 1024 != 0) return false;
     return cancelled_->load(std::memory_order_relaxed);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Why a target is not covered, as the coverage server says it.
+// Reason why a target is not covered, as the coverage server reports it.
 #pragma once
 
 #include "sightline/v1/targets.pb.h"
@@ -8,9 +8,9 @@ namespace sightline {
 
 struct TargetReason {
   v1::UncoveredReason reason = v1::UNCOVERED_REASON_UNSPECIFIED;  // of covered targets
-  int obstacle = -1;  // index into the scene's obstacles where one is the reason
-  // Too dark: shortest exposure that would show the line, too bright: longest; infinite: none. 0
-  // with other reasons.
+  int obstacle = -1;  // index into the scene's obstacles if one is the reason
+  // Too dark: shortest exposure that would show the line; too bright: longest one; infinite: none
+  // would. 0 for other reasons.
   double exposure_time_s = 0;
 
   friend bool operator==(const TargetReason&, const TargetReason&) = default;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Text from outside in messages for people.
+// Makes external text safe in messages for people.
 #pragma once
 
 #include <string>

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whether the text of a STEP file (ISO 10303-21, clear text encoding) states a length unit, found
-// by one pass over its bytes without OpenCASCADE and without keeping them.
+// Decides if the text of a STEP file (ISO 10303-21, clear text encoding) states a length unit, by
+// one pass over its bytes without OpenCASCADE and without keeping them.
 //
 // A file states the unit of its lengths by a GLOBAL_UNIT_ASSIGNED_CONTEXT that refers to an
 // instance which is a LENGTH_UNIT, or an SI_UNIT of .METRE. The scan looks for such a pair. Its
-// answer "no" is certain: sightline_step_import refuses each such file unless the unit is given to
-// it. "Perhaps" is for the importer to decide, which reads whole instances.
+// answer "no" is certain: sightline_step_import refuses each such file unless the unit is given.
+// After the answer "perhaps" the importer decides, which reads whole instances.
 //
-// The same holds for the answer that every shape of the file has a stated unit: then none may be
-// given besides.
+// The answer that every shape of the file has a stated unit is certain too: then no unit may be
+// given in addition.
 //
 //   StepLengthUnitScan scan;
 //   while (more bytes) scan.Add(bytes);
@@ -32,11 +32,11 @@ class StepLengthUnitScan {
   bool found() const { return found_; }
   // Whether "ISO-10303-21;" stands in the first 4096 bytes.
   bool IsStep() const { return head_.find("ISO-10303-21;") != std::string::npos; }
-  // Whether the whole text has instances and none of its contexts has a length unit. False as well
-  // for text that is damaged, since its damage comes first: that is no STEP file, has no end mark,
-  // ends inside a string or comment, refers to an instance that it does not have, or has no
-  // instance; and for one that has more than 100 000 instances of units or of their contexts, or
-  // numbers of instances above 2^25.
+  // True if the whole text has instances and none of its contexts has a length unit. False also for
+  // damaged text, whose damage must be reported first: it is no STEP file, has no end mark, ends
+  // inside a string or comment, refers to an instance that it does not have, or has no instance.
+  // False also for more than 100 000 instances of units or of their contexts, or numbers of
+  // instances above 2^25.
   bool StatesNone() const;
   // Whether there are contexts of shapes, and every one has a length unit; those of curves in
   // parameter space have none. False as well for damaged text as above.

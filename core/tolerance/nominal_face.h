@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Features that a drawing describes by their nominal geometry instead of faces of a model, and the
-// triangles of a mesh that lie on them.
+// Finds the triangles of a mesh that lie on features which a drawing describes by nominal geometry
+// instead of faces of a model.
 //
 // QIF gives the position and size of every feature, and a mesh of the same part has its vertices on
 // these surfaces: a triangle belongs to a feature if all three of its vertices lie on the feature's
@@ -45,8 +45,8 @@ inline constexpr double kOnNominalSurface_m = 1e-5;
 // Triangles that lie this near to a face and face the same way are meant to be on it.
 inline constexpr double kNearNominalSurface_m = 5e-5;
 
-// The triangles of each face, in the order of `faces`, of features of which every face has some and
-// has nearly all that lie within kNearNominalSurface_m; vertices are not shared between triangles.
+// The triangles of each face, in the order of `faces`, for features whose every face has triangles,
+// and nearly all that lie within kNearNominalSurface_m. Triangles do not share vertices.
 std::vector<FaceTriangles> FacesOnMesh(std::span<const NominalFace> faces,
                                        const TriangleMesh& mesh);
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The drawing's tolerances as values: how wide each zone is, which datums it refers to, which faces
-// of the part it binds, and how uncertain a measurement may be that decides about it.
+// The drawing's tolerances as values: the width of each zone, its datums, the faces of the part
+// that it binds, and the admissible uncertainty of a measurement that decides about it.
 #pragma once
 
 #include <cstdint>
@@ -84,8 +84,8 @@ struct UnreadTolerance {
   std::string reason;
 };
 
-// Everything a file says about tolerances. Each of the `entity_count` dimensions, tolerances and
-// datums of the file is in exactly one of the four lists.
+// The tolerances of a file. Each of the `entity_count` dimensions, tolerances and datums of the
+// file is in exactly one of the four lists.
 struct ToleranceReport {
   std::string file;
   std::string standard;  // "AP242" (or the older "AP203", "AP214"), "QIF 3.0"

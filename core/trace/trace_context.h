@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Request that a call, a job or a line of the log belongs to: W3C Trace Context
-// (https://www.w3.org/TR/trace-context/). Nothing is recorded here: the context is passed on
-// unchanged.
+// Identifies the request to which a call, a job or a log line belongs, by W3C Trace Context
+// (https://www.w3.org/TR/trace-context/). The context is passed on unchanged; no spans are
+// recorded.
 #pragma once
 
 #include <string>
@@ -15,10 +15,10 @@ inline constexpr char kTraceparentKey[] = "traceparent";
 // A new one, not sampled: "00-TRACE_ID-PARENT_ID-00".
 std::string NewTraceparent();
 
-// The same in version 00 if it is a valid one, of that version or a later one; else empty.
+// The traceparent in version 00 if `text` is a valid one of that or a later version; else empty.
 std::string ValidTraceparent(std::string_view text);
 
-// 32 lower-case hexadecimal digits, of a valid one; of an empty one empty.
+// The trace id of a valid traceparent, 32 lower-case hexadecimal digits; empty for an empty one.
 std::string_view TraceIdOf(std::string_view traceparent);
 
 // Traceparent of this thread, or else of this process; empty: none.

@@ -39,7 +39,7 @@ struct ExactCoverage {
   int64_t measurement_points = 0;
 };
 
-// A scan's information at the targets it informs about; one entry each.
+// Information of a scan about targets; one entry per informed target.
 struct ScanInformation {
   std::vector<uint32_t> targets;  // ascending
   std::vector<float> density;     // equivalent, [1/m^4]; > 0
@@ -49,7 +49,7 @@ struct ScanInformation {
 struct TargetUncertainty {
   SurfaceUncertainty uncertainty;
   int32_t points = 0;
-  // Only if asked for: total uncertainty [m] after every scan.
+  // Total uncertainty [m] after every scan; filled only on request.
   std::vector<float> after_each_scan_m;
 };
 
@@ -60,7 +60,7 @@ struct FastInformation {
   ScanInformation information;
 };
 
-// Required uncertainty of the targets, and the worth of reaching it (v1::UncertaintyGain).
+// Required uncertainty of the targets, and the gain for reaching it (v1::UncertaintyGain).
 struct UncertaintyRequirement {
   GainWeights weights;
   // One for all targets or one per target; 0: the target is not toleranced.
@@ -70,7 +70,8 @@ struct UncertaintyRequirement {
   std::span<const float> known_density;
   // The targets that earlier scans cover; may be null.
   const TargetBits* covered = nullptr;
-  // Empty, or one per target: gains are weighted shares of the density needed instead.
+  // Empty, or one weight per target: the gain is then the weighted sum of fractions of the required
+  // density.
   std::span<const float> target_weights;
 };
 
@@ -81,14 +82,14 @@ struct UncertaintyGain {
   double gain = 0;              // with target weights: the weighted share
 };
 
-// A scan's points as inference needs them.
+// The points of a scan in the form that inference needs.
 struct MeasuredScan {
   Feasibility feasibility = Feasibility::kFeasible;
   std::shared_ptr<const ScanPoints> points;  // null if not feasible
 };
 
-// Why a target is not covered (v1::UncoveredReason); in the order of the conditions that scans are
-// asked about.
+// Reason why a target is not covered (v1::UncoveredReason), in the order in which the conditions
+// of a scan are checked.
 enum class UncoveredReason {
   kNotChosen,
   kAngle,
@@ -105,15 +106,16 @@ enum class UncoveredReason {
 
 struct TargetExplanation {
   UncoveredReason reason = UncoveredReason::kNotChosen;
-  // Index into CoverageScene::obstacles() if one is the reason; of collisions that which camera or
-  // laser touch, -1: they touch the part or one another, or the part touches what stands still.
+  // Index into CoverageScene::obstacles() if an obstacle is the reason. With a collision, the
+  // obstacle that camera or laser touch; -1: another collision (with the part, between camera and
+  // laser, or of the part with an obstacle that stands still).
   int obstacle = -1;
   int tried_scans = 0;
   int scans_with_reason = 0;
-  // kTooDark: shortest exposure that would show the line, least of the scans with the reason;
-  // infinite: none would. kTooBright: longest, greatest of them. 0 with other reasons.
+  // kTooDark: shortest exposure that would show the line, minimum over the scans with this reason;
+  // infinite: no exposure would. kTooBright: longest such exposure, maximum over them. Else 0.
   double exposure_time_s = 0;
-  Measurement scan;  // of targets that were not chosen: one that measures it
+  Measurement scan;  // for targets that were not chosen: a scan that measures the target
 };
 
 }  // namespace sightline

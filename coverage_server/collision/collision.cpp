@@ -6,13 +6,13 @@
 namespace sightline {
 namespace {
 
-// Whether an obstacle that travels with the part, in world axes, cuts into it.
+// True if an obstacle that travels with the part, in world axes, cuts into the part.
 bool CutsIntoPart(const ScanGeometry& geometry, const Eigen::Vector3d& part_centre_m,
                   const TriangleBvh& part, const Occluder& carrier) {
   // No point of the part is below its support.
   const bool on_table = carrier.frame == ObstacleFrame::kTable;
   if (on_table && carrier.bvh.bounds().max().z() <= 0) return false;
-  // The part is taken this much smaller about its centre, so that contact is none.
+  // The part is shrunk by this fraction about its centre, so that mere contact does not count.
   constexpr double kContact = 0.002;
   const Eigen::Matrix3d to_part = geometry.part_rotation.transpose() / (1 - kContact);
   const Eigen::Vector3d lift(0, 0, on_table ? geometry.table_height_m : 0);
@@ -20,7 +20,7 @@ bool CutsIntoPart(const ScanGeometry& geometry, const Eigen::Vector3d& part_cent
                       Eigen::Vector3d::Zero());
 }
 
-// The solid as seen from something that moves with the stage.
+// Volume that a solid at rest sweeps in the frame of the moving stage.
 Zonotope Swept(Zonotope solid, double stage_start_m, double stage_end_m) {
   solid.centre_m.x() -= 0.5 * (stage_start_m + stage_end_m);
   solid.generators_m.push_back(Eigen::Vector3d(0.5 * (stage_end_m - stage_start_m), 0, 0));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Hard constraints of a scan: nothing may touch along the travel that is used (thesis
-// section 2.4.2, "death penalty").
+// Hard constraint of a scan: no collision along the travel that is used (thesis section 2.4.2,
+// "death penalty").
 #pragma once
 
 #include <Eigen/Core>
@@ -13,20 +13,20 @@
 
 namespace sightline {
 
-// A mesh that may be hit and that occludes, in the frame it is given in.
+// A mesh that can be hit and that occludes, in the coordinates of its own frame.
 struct Occluder {
   ObstacleFrame frame;
   TriangleBvh bvh;
 };
 
-// True if the bodies of camera and laser stand in the same place, or if, while the stage moves over
-// [stage_start_m, stage_end_m], one of them touches an occluder or comes nearer to it than
-// Rig::clearance_m, or the part (`occluders[0]`) or a
-// fixture that moves with it touches one that stands still. Obstacles that travel with the stage
-// without turning carry the part: they may touch it, but not cut into it by more than 0.2 % of its
-// size. Exact for boxes: the body swept along the travel is a zonotope, and zonotope against
-// triangle is decided by separating axes (differs from the projection on yz that the design first
-// proposed: no grid, no resolution). Cylinders are enclosed in 8-sided prisms.
+// True if the bodies of camera and laser overlap, or if one of the following happens while the
+// stage moves over [stage_start_m, stage_end_m]: a body touches an occluder or comes nearer to it
+// than Rig::clearance_m; the part (`occluders[0]`) or a fixture that moves with it touches an
+// occluder that stands still. Obstacles that travel with the stage without turning carry the part:
+// they may touch it, but not cut into it by more than 0.2 % of its size. Exact for boxes: the body
+// swept along the travel is a zonotope, and separating axes decide zonotope against triangle (no
+// grid, no resolution). Cylinders are enclosed in
+// 8-sided prisms.
 bool Collides(const Rig& rig, const ScanGeometry& geometry, const Eigen::Vector3d& part_centre_m,
               const std::vector<Occluder>& occluders, double stage_start_m, double stage_end_m);
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whether a permitted exposure shows the laser line on a place of the part, by the table of its
-// material (core/detectability/detectability.h).
+// Decides, by the table of the material, if a permitted exposure shows the laser line at a place of
+// the part (core/detectability/detectability.h).
 #pragma once
 
 #include <Eigen/Core>
@@ -27,8 +27,8 @@ class LightLimit {
   // Entry of surfaces whose material has no table: light does not limit them.
   static constexpr int16_t kUnlimited = -1;
 
-  // `detectability` has tables and both exposure times. Materials of the part without a table of
-  // their own have the one without a name, if there is one.
+  // `detectability` has tables and both exposure times. A material of the part without a table of
+  // its own uses the table without a name, if there is one.
   LightLimit(const Detectability& detectability, const TriangleMesh& part);
 
   // Number of the table of a triangle's material.
@@ -39,7 +39,7 @@ class LightLimit {
   // `normal` of any length; the vectors lead from the place to camera and laser [m].
   LightOfPlace At(int16_t entry, const Eigen::Vector3d& normal, const Eigen::Vector3d& to_camera_m,
                   const Eigen::Vector3d& to_laser_m) const;
-  // The same by distances and cosines (ExposureTable::At).
+  // The same from distances and cosines (ExposureTable::At).
   LightOfPlace At(int16_t entry, double camera_distance_m, double laser_distance_m,
                   double cos_camera, double cos_laser, double cos_between) const;
 

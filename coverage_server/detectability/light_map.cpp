@@ -6,7 +6,7 @@
 namespace sightline {
 namespace {
 
-// Camera distances of the grid where a table has several. Chosen: a material has 14 MB with them.
+// Number of camera distances of the grid if a table has several; a material then takes 14 MB.
 constexpr int kDistanceBins = 16;
 
 }  // namespace
@@ -33,7 +33,7 @@ LightMap::LightMap(const LightLimit& limit) {
       for (int camera = 0; camera < kSide; ++camera) {
         for (int laser = 0; laser < kSide; ++laser) {
           for (int between = 0; between < kSide; ++between) {
-            // Times of a laser 1 m away grow in proportion to its distance.
+            // Exposure times grow in proportion to the laser's distance: use 1 m.
             const ExposureRange needed =
                 table.At(double{BinDistance(bin)}, 1, incidence_cosine(camera),
                          incidence_cosine(laser), 2 * incidence_cosine(between) - 1);

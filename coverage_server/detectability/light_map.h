@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// LightLimit on a grid of distances and angles, for queries that ask it of very many places. A
-// place takes the nearest entry. Steps are 1.7 to 2.4 degrees of incidence and 2.4 to 3.4 degrees
-// between the directions.
+// Tabulates LightLimit on a grid of distances and angles, for queries at very many places. A place
+// uses the nearest entry. Steps are 1.7 to 2.4 degrees of incidence and 2.4 to 3.4 degrees of the
+// angle between the directions.
 #pragma once
 
 #include <algorithm>
@@ -20,8 +20,8 @@ class LightMap {
 
   explicit LightMap(const LightLimit& limit);
 
-  // Places along an axis of the grid, in [0, kSide - 1]: incidence angles by sqrt(1 - cosine), the
-  // angle between the directions by the sine of its half, so that steps are about alike everywhere.
+  // Coordinates on the grid, in [0, kSide - 1]. Incidence angles are mapped by sqrt(1 - cosine),
+  // the angle between the directions by the sine of its half, so that steps are nearly uniform.
   static float IncidencePlace(float cosine) {
     return (kSide - 1) * std::sqrt(std::clamp(1 - cosine, 0.0F, 1.0F));
   }
@@ -29,7 +29,7 @@ class LightMap {
     return (kSide - 1) * std::sqrt(std::clamp(0.5F * (1 - cosine), 0.0F, 1.0F));
   }
 
-  // Whether a permitted exposure shows the line. The arguments are those of LightLimit::At.
+  // True if a permitted exposure shows the line. Arguments as for LightLimit::At.
   bool Detects(int16_t entry, float camera_distance_m, float laser_distance_m, float cos_camera,
                float cos_laser, float cos_between) const {
     if (entry == LightLimit::kUnlimited) return true;
@@ -43,15 +43,15 @@ class LightMap {
            laser_distance_m <= distances_m_[2 * cell + 1];
   }
 
-  // Largest distance of the laser with which a permitted exposure may show the line, with this
-  // incidence of camera or laser and whatever the rest is. 0: with none.
+  // Largest distance of the laser at which a permitted exposure can show the line, for this
+  // incidence of camera or laser and any values of the other parameters. 0: none can.
   float FarthestLaser(int16_t entry, float cosine) const {
     return farthest_m_[static_cast<size_t>(entry) * kSide + Nearest(IncidencePlace(cosine))];
   }
 
-  // The least and the largest distance of the laser with which a permitted exposure shows the line,
-  // for every cell; least above largest: none does. [entry][camera distance][incidence of the
-  // camera][of the laser][angle between both][2].
+  // Least and largest distance of the laser at which a permitted exposure shows the line, for every
+  // cell; least above largest: none does. Indices: [entry][camera distance][incidence of the
+  // camera][incidence of the laser][angle between both][2].
   const float* distances_m() const { return distances_m_.data(); }
   size_t CellsBefore(int16_t entry) const {
     return static_cast<size_t>(entry) * static_cast<size_t>(bins_) * kSide * kSide * kSide;

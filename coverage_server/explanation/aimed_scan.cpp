@@ -8,14 +8,14 @@
 namespace sightline {
 namespace {
 
-// How far from the image's centre a place may be wanted, as part of the half image.
+// Largest distance of a wanted position from the image's centre, as a fraction of the half image.
 constexpr double kMostOffCentre = 0.8;
 
 size_t Cell(double u, size_t cells) {
   return std::min(cells - 1, static_cast<size_t>(u * static_cast<double>(cells)));
 }
 
-// The value at a place u in [0, 1] of a domain; ranges follow each other by their lengths.
+// Value at position u in [0, 1] of a domain; its ranges are concatenated.
 double ValueAt(const ParameterDomain& domain, double u) {
   if (domain.ranges.empty()) return domain.values[Cell(u, domain.values.size())];
   double length = 0;
@@ -41,7 +41,7 @@ double NearestValue(const ParameterDomain& domain, double wanted) {
   return nearest;
 }
 
-// [0, 1] to [-1, 1], most of it near 0.
+// Maps [0, 1] to [-1, 1], denser near 0.
 double Centred(double u) { return std::pow(2 * u - 1, 3); }
 
 }  // namespace

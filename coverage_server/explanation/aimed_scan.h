@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Scans of a domain that aim at a place of the surface.
+// Makes scans of a domain that aim at a place of the surface.
 #pragma once
 
 #include <Eigen/Core>
@@ -12,14 +12,14 @@
 
 namespace sightline {
 
-// A scan that aims at some place, as a point of the unit cube: camera distance, triangulation
-// angle, azimuth, polar angle, the part's three angles (resting orientations take alpha's), and
-// where in the image the place is to appear: along the laser line and along the sheet.
+// A scan that aims at a place, as a point of the unit cube. Coordinates: camera distance,
+// triangulation angle, azimuth, polar angle, the part's three angles (resting orientations use
+// alpha's), and the wanted image position of the place along the laser line and along the sheet.
 inline constexpr int kAimDimensions = 9;
 using Aim = std::array<double, kAimDimensions>;
 
-// The `index`-th of a sequence that fills the cube evenly: additive recurrence with the powers of
-// the generalised golden ratio (Roberts 2018), which needs no number of points in advance.
+// Point `index` of a low-discrepancy sequence in the cube: additive recurrence with the powers of
+// the generalised golden ratio (Roberts 2018). It needs no number of points in advance.
 Aim SpreadAim(int index);
 
 // An aim before the place is known: all offsets are 0.
@@ -32,8 +32,8 @@ struct AimedScan {
 
 AimedScan MakeAimedScan(const Rig& rig, const MeasurementDomain& domain, const Aim& aim);
 
-// The same with the offsets that bring the place (part coordinates) where it is wanted, as near as
-// the domain allows. `stage_m`: where the place is lit; not finite if it never is.
+// The same scan with offsets that bring the place (part coordinates) as near to the wanted position
+// as the domain allows. `stage_m`: stage position that lights the place; not finite if none does.
 struct ScanOfPlace {
   Measurement measurement;
   double stage_m = 0;

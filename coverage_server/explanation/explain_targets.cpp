@@ -18,16 +18,17 @@
 namespace sightline {
 namespace {
 
-// Scans tried near the best ones: rounds of so many about each of so many, ever nearer. Every other
-// one takes any triangulation angle: where the camera looks into a passage, the laser may fit too.
+// Local search: in each round, kScansAboutEach scans near each of the kKeptAims best, within a
+// shrinking radius. Every second one has any triangulation angle, so that laser and camera can both
+// look into a passage.
 constexpr size_t kKeptAims = 16;
 constexpr int kScansAboutEach = 12;
 constexpr int kTriangulationDimension = 1;
 constexpr std::array<double, 3> kRoundRadius = {0.12, 0.05, 0.02};
-// Steps of parameters that go all the way round, against those of the others.
+// Factor on the steps of parameters whose domain is a full turn.
 constexpr double kTurnStep = 0.25;
 
-// Conditions in the order in which reasons win at equal numbers.
+// Conditions that a scan can violate, as bits; ties go by the order of UncoveredReason.
 enum Condition : uint32_t {
   kCameraAngle = 1 << 0,
   kLaserAngle = 1 << 1,
@@ -47,7 +48,7 @@ struct Failures {
   // Bit i: obstacle i hides the place.
   uint64_t camera_obstacles = 0, laser_obstacles = 0;
   int touched_obstacle = -1;   // by camera or laser
-  double exposure_time_s = 0;  // that would show the line, with kTooDark and kTooBright
+  double exposure_time_s = 0;  // would show the line; with kTooDark and kTooBright
 
   int Conditions() const {
     return std::popcount(conditions) + std::popcount(camera_obstacles) +
@@ -56,11 +57,11 @@ struct Failures {
   int Count() const { return Conditions() + ((conditions & kRange) != 0 ? 1 : 0); }
 };
 
-// How many of the scans with the fewest failures fail at each reason.
+// Counts, for each reason, the scans with the fewest failures that fail for this reason.
 class Tally {
  public:
   int fewest() const { return fewest_; }
-  // Whether a scan among the best fails at one condition only.
+  // True if one of the best scans fails at one condition only.
   bool nearly_passed() const { return nearly_passed_; }
 
   // True if the scan is among the best so far.
@@ -107,7 +108,7 @@ class Tally {
   TargetExplanation Reason() const {
     TargetExplanation best;
     for (const auto& [key, votes] : by_reason_) {
-      // The map is in the order of the chain.
+      // The map is in the order of UncoveredReason: ties go to the first.
       if (votes.count <= best.scans_with_reason) continue;
       best.reason = key.first;
       best.obstacle = key.second;
@@ -127,7 +128,7 @@ class Tally {
   std::map<std::pair<UncoveredReason, int>, Votes> by_reason_;
 };
 
-// Whether a parameter's domain is a whole turn, so that steps wrap around.
+// True for parameters whose domain is a whole turn, so that steps wrap around.
 std::array<bool, kAimDimensions> WholeTurns(const MeasurementDomain& domain) {
   std::array<bool, kAimDimensions> result{};
   for (int i = 0; i < 7; ++i) {
@@ -223,11 +224,11 @@ class Explainer {
     return false;
   }
 
-  // Not all of them once they are more than those of the best scans.
+  // The failed conditions; incomplete once they are more than those of the best scans.
   Failures FailuresAtPlace(const AimedScan& aimed, const ScanOfPlace& scan) const {
     Failures failures;
     const auto hopeless = [&] { return failures.Count() > tally_.fewest(); };
-    // A sheet that holds the scan direction sweeps nothing.
+    // A laser sheet that contains the scan direction sweeps no volume.
     if (!std::isfinite(scan.stage_m)) {
       failures.conditions = kRange | kCameraHidden | kLaserHidden;
       return failures;
@@ -310,8 +311,8 @@ class Explainer {
     return failures;
   }
 
-  // The first obstacle that camera or laser touch while the stage moves; -1: none of them, or they
-  // stand in the same place, which no obstacle changes.
+  // The first obstacle that camera or laser touch while the stage moves; -1: none, or camera and
+  // laser overlap, which no obstacle causes.
   int TouchedObstacle(const ScanGeometry& geometry, double start_m, double end_m) const {
     if (SensorBodiesCollide(*task_.rig, geometry)) return -1;
     for (size_t i = 0; i < task_.single_obstacles->size(); ++i) {

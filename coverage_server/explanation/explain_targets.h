@@ -1,24 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reasons why targets are not covered: the conditions at which the scans fail that come nearest to
-// measuring them.
+// Finds reasons why targets are not covered. The reason is a condition that is violated by the
+// scans that come nearest to measuring the target.
 //
-// For every target scans of the domain are tried that aim at it: first kSpreadScans that fill the
-// domain evenly, then, if the best of them fails at one condition only, some near the best ones. A
-// scan is asked, in this order, whether the target
+// For every target, scans of the domain that aim at it are tried: first kSpreadScans that fill the
+// domain evenly; then, if one of the best of them fails at one condition only, scans near the best
+// ones. The conditions of a scan, in this order, are that the target
 //   - faces camera and laser (angle; what faces away is hidden by its own part as well),
 //   - is imaged finely enough (footprint) and sharply enough (defocus),
 //   - lies in the image, the laser's fan and range (range),
 //   - shows the laser line with a permitted exposure (too dark, too bright; asked only of targets
 //     that face both sensors),
-//   - is hidden by the part or by an obstacle, from the camera and from the laser,
-// and whether camera or laser touch anything then (collision). Each counts, the two sensors
-// separately, and range twice: neither sensor sees a target that is elsewhere when it is lit. (Were
-// it to count once, sheets that nearly hold the scan direction and light a place far beside the rig
-// would come before those that find an obstacle in the way of both.) A scan that passes all of it
-// is asked whether it can be carried out as a whole: without a collision, and without more travel
-// than there is. If one can, the target was not chosen. If none can, the reason is the condition
-// that most of the scans with the fewest failed conditions fail at, at equal numbers the first in
-// the order above, with light last.
+//   - is not hidden by the part or by an obstacle, from the camera and from the laser,
+// and that camera and laser touch nothing then (collision). Every violated condition counts one,
+// separately for the two sensors; range counts two, because neither sensor sees a target that is
+// elsewhere when it is lit. (With a count of one, sheets that nearly contain the scan direction and
+// light a place far beside the rig would win over scans with an obstacle in the way of both.) If a
+// scan meets all conditions, it is checked as a whole: for collisions and for the travel of the
+// stage. If such a scan can be carried out, the target was not chosen. Otherwise the reason is the
+// condition that most of the scans with the fewest violations violate; ties go to the first in the
+// order above, with light last.
 #pragma once
 
 #include <Eigen/Core>
@@ -37,12 +37,12 @@
 
 namespace sightline {
 
-// Enough to look about three times into a cone of 10 degrees half angle.
+// Enough for about three directions within a cone of 10 degrees half angle.
 inline constexpr int kSpreadScans = 1024;
-// Scans that pass at the place and are asked whether they can be carried out.
+// Most scans per target that meet the conditions at the place and are then checked as a whole.
 inline constexpr int kMostCarriedOut = 24;
 
-// Whether a whole scan can be carried out, and the travel that this was asked of.
+// Result of the check of a whole scan, and the travel that was checked.
 struct CarriedOut {
   Feasibility feasibility = Feasibility::kFeasible;
   double stage_start_m = 0, stage_end_m = 0;
@@ -55,7 +55,7 @@ struct ExplanationTask {
   const TargetSampling* sampling = nullptr;
   // The part first, then the obstacles (at most 64).
   const std::vector<Occluder>* occluders = nullptr;
-  // Every obstacle by itself, to find out which one camera or laser touch.
+  // Every obstacle by itself, to identify the one that camera or laser touch.
   const std::vector<std::vector<Occluder>>* single_obstacles = nullptr;
   Eigen::Vector3d part_centre_m = Eigen::Vector3d::Zero();
   const LightLimit* light = nullptr;  // null: light limits nothing

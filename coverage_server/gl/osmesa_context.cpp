@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // clang-format off
-// First: glcorearb.h leaves out types that gl.h (through osmesa.h) would have claimed.
+// Must be included first: glcorearb.h omits types if gl.h (through osmesa.h) was included before.
 #include "coverage_server/gl/gl_context.h"
 
 #include <GL/osmesa.h>
@@ -25,7 +25,7 @@ class OsMesaContext final : public GlContext {
   }
 
   absl::Status Init() {
-    // llvmpipe's own threads fight with ours; it reads this before the first context only.
+    // Only our threads, none of llvmpipe; it reads this before the first context.
     static std::once_flag once;
     std::call_once(once, [] { setenv("LP_NUM_THREADS", "0", 0); });
 
@@ -44,7 +44,7 @@ class OsMesaContext final : public GlContext {
                                             0};
     context_ = OSMesaCreateContextAttribs(attributes.data(), nullptr);
     if (context_ == nullptr) return absl::InternalError("OSMesa cannot make a 3.3 core context");
-    // We draw into framebuffer objects only, but OSMesa wants a colour buffer to be current.
+    // We draw only into framebuffer objects, but OSMesa requires a colour buffer.
     if (!OSMesaMakeCurrent(context_, dummy_.data(), GL_UNSIGNED_BYTE, 4, 4)) {
       return absl::InternalError("OSMesa cannot make its context current");
     }

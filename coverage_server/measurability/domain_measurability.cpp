@@ -27,7 +27,7 @@ constexpr size_t kMostTurns = 12;
 constexpr double kNearest = 0.6;
 // Scans that are evaluated exactly for one target and orientation.
 constexpr int kMostScans = 2048;
-// Pairs of directions whose light is looked up for one target and orientation: about a millisecond.
+// Look-ups of light for pairs of directions, for one target and orientation: about a millisecond.
 constexpr int kMostLooks = 50000;
 // Cosine by which the middle of a cell or step may be steeper than a direction in it: 2.8 degrees,
 // half the diagonal of a step, at an incidence of 70 degrees.
@@ -74,7 +74,7 @@ Eigen::Vector3f DirectionOf(double polar_rad, double azimuth_rad, double tilt_ra
       .cast<float>();
 }
 
-// How far the lowest point of a sensor's bodies is below the sensor at this polar angle.
+// Height of the sensor above the lowest point of its bodies at this polar angle.
 double DropOf(const std::vector<Body>& bodies, double clearance_m, double polar_rad) {
   // z towards the origin, y = z x x for x = e_y: world heights of the sensor's axes.
   const double z_up = -std::cos(polar_rad), y_up = -std::sin(polar_rad);
@@ -105,7 +105,7 @@ struct DomainMeasurability::TargetState {
   std::vector<uint8_t> fine;
   int16_t light_entry = LightLimit::kUnlimited;
   int scans = 0;  // evaluated exactly
-  int looks = 0;  // at the light of pairs
+  int looks = 0;  // look-ups of light for pairs
 };
 
 DomainMeasurability::DomainMeasurability(const Rig& rig, const TargetSampling& sampling,
@@ -213,7 +213,7 @@ std::vector<DomainMeasurability::AzimuthAndTurn> DomainMeasurability::Azimuths(s
 
 std::vector<double> DomainMeasurability::TurnsAt(double azimuth_rad, double gamma_rad) const {
   std::vector<double> turns = {gamma_rad};
-  // The table and the part do not ask how far both are turned.
+  // Table and part turn together, so their turn only matters with other obstacles.
   if (!other_obstacles_) return turns;
   const double step_rad = 30 * kRadPerDeg;
   if (FullTurn(gamma_)) {
@@ -267,7 +267,7 @@ void DomainMeasurability::AllowPairs(const Rig& rig, const TargetSampling& sampl
     return static_cast<int>(std::lround((polar_rad / kRadPerDeg - kFirstPolar_deg) / kStep_deg));
   };
   for (const double tau : taus) {
-    // At which there is room for the bodies of both sensors.
+    // Camera distances at which the bodies of both sensors do not collide.
     std::vector<double> distances;
     std::copy_if(all_distances.begin(), all_distances.end(), std::back_inserter(distances),
                  [&](double distance) {
@@ -379,7 +379,7 @@ bool DomainMeasurability::MayHaveLight(const TargetState& state, float cosine) c
   if (light_map_ == nullptr || state.light_entry == LightLimit::kUnlimited) return true;
   const float nearest_m =
       laser_distance_m_ ? static_cast<float>(kNearest * *laser_distance_m_) : nearest_m_;
-  // The middle of a cell stands for all of it.
+  // The middle of a cell represents all its directions, so its neighbourhood is checked too.
   for (const float slack : {0.0F, kCellSlack, -kCellSlack}) {
     if (light_map_->FarthestLaser(state.light_entry, cosine + slack) >= nearest_m) return true;
   }
@@ -390,7 +390,7 @@ bool DomainMeasurability::MayHaveLight(const PairScan& scan, TargetState& state,
                                        const Eigen::Vector3f& normal,
                                        const Eigen::Vector3f& to_camera,
                                        const Eigen::Vector3f& to_laser) const {
-  // The map's steps, and distances of the laser that are near those of the scans only.
+  // Tolerance for the steps of the map and for approximate distances of the laser.
   constexpr float kSlack = 1.5F;
   if (light_map_ == nullptr || state.light_entry == LightLimit::kUnlimited) return true;
   ++state.looks;
@@ -428,7 +428,7 @@ bool DomainMeasurability::PairMeasures(const Rest& rest, const Arc& arc, const P
       const Eigen::Vector3f to_laser = DirectionOf(scan.LaserPolar(), azimuth, arc.tilt_rad);
       if (too_steep(to_laser)) continue;
       if (!MayHaveLight(scan, state, normal, to_camera, to_laser)) continue;
-      // A full turn of the part keeps the sensors where they are; one of the sensors, the part.
+      // If gamma is free, the part turns and the sensors stay; otherwise the sensors turn.
       const double gamma = FullTurn(gamma_) ? arc.gamma_rad - step_rad : arc.gamma_rad;
       for (const double turn : TurnsAt(azimuth, gamma)) {
         if (ScanMeasures(rest, scan, azimuth, turn, arc.tilt_rad, state)) return true;
@@ -514,7 +514,7 @@ bool DomainMeasurability::MeasurableAt(const Rest& rest, TargetState& state) con
       if (state.cell_open[arc.cell[i]]) open |= uint64_t{1} << i;
     }
     if (!HasPair(open, cameras, lasers)) continue;
-    // Segments confirm the cells that the field suggests.
+    // Segment tests confirm the cells that the field leaves open.
     ConfirmOpen(arc, state, open);
     for (uint64_t c = open & cameras; c != 0; c &= c - 1) {
       const int camera = std::countr_zero(c);

@@ -8,7 +8,7 @@
 namespace sightline {
 namespace {
 
-// Bit i: nothing between the point and infinity along directions[i].
+// Bit i is set if the ray from the point along directions[i] is free.
 uint32_t OpenDirections(const std::vector<Occluder>& occluders, const Eigen::Vector3f& from,
                         const std::vector<Eigen::Vector3f>& directions, const int* cells,
                         int count) {
@@ -30,7 +30,7 @@ uint32_t OpenDirections(const std::vector<Occluder>& occluders, const Eigen::Vec
   return open;
 }
 
-// Whether a permitted exposure shows the line on a target.
+// Decides if a permitted exposure shows the line on a target.
 class LightOnTarget {
  public:
   LightOnTarget(const DirectionLimits& limits, uint32_t triangle) : limits_(limits) {
@@ -38,7 +38,7 @@ class LightOnTarget {
     entry_ = limits.light->EntryOf(triangle);
   }
 
-  // False: with a direction at this cosine to the normal, none of all pairs shows the line.
+  // False if no pair that includes a direction with this cosine to the normal shows the line.
   bool MayShow(float cosine) const {
     if (entry_ == LightLimit::kUnlimited) return true;
     const LightMap& map = *limits_.light_map;
@@ -78,13 +78,13 @@ void MarkMeasurable(const TargetSet& targets, const VisibilityField& field,
   const float cos_min = static_cast<float>(std::cos(limits.min_angle_rad));
   const float cos_max = static_cast<float>(std::cos(limits.max_angle_rad));
   const auto least_cosine = static_cast<float>(limits.min_cos_incidence);
-  // Between the field's directions lie those of a map twice as fine.
+  // A map twice as fine has directions between those of the field.
   const OctahedralMap fine{2 * map.side};
   std::vector<Eigen::Vector3f> fine_directions(fine.cells());
   for (int c = 0; c < fine.cells(); ++c) fine_directions[c] = fine.Direction(c);
   std::vector<int> candidates, refined, open;
 
-  // Some pair of the cells is open and far enough apart, but not too far, and shows the line.
+  // True if a pair of open cells has a permitted angle between its directions and shows the line.
   const auto has_open_pair =
       [&](const Eigen::Vector3f& from, const Eigen::Vector3f& normal, const LightOnTarget& light,
           const std::vector<Eigen::Vector3f>& all, const std::vector<int>& asked) {

@@ -32,7 +32,7 @@ struct Arrays {
   bool closed = true;
 };
 
-// Ends early, with a useless result, when *cancelled.
+// Stops early, with an unspecified result, when *cancelled.
 Triangles Gather(const TriangleMesh& part, std::span<const TriangleMesh* const> obstacles,
                  const std::atomic<bool>* cancelled) {
   constexpr size_t kPiece = 1 << 18;  // takes some milliseconds
@@ -44,7 +44,7 @@ Triangles Gather(const TriangleMesh& part, std::span<const TriangleMesh* const> 
     vertices += mesh->positions_m.size();
     triangles += mesh->triangles.size();
   }
-  // Growing would copy all of it within one piece.
+  // Without it, growing would copy the whole array between two checks of *cancelled.
   all.vertices.reserve(3 * vertices);
   all.indices.reserve(3 * triangles);
   for (const TriangleMesh* mesh : meshes) {
@@ -62,8 +62,8 @@ Triangles Gather(const TriangleMesh& part, std::span<const TriangleMesh* const> 
   return all;
 }
 
-// Every directed edge has its opposite, as often: then back faces hide nothing that a front face
-// does not hide too.
+// True if every directed edge occurs as often as its opposite. Then back faces hide only places
+// that front faces hide too.
 bool IsClosed(const std::vector<uint32_t>& indices) {
   std::vector<uint64_t> up, down;
   up.reserve(indices.size() / 2 + 1);

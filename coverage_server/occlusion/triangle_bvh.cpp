@@ -48,7 +48,7 @@ TriangleBvh::TriangleBvh(const TriangleMesh& mesh, const std::atomic<bool>* canc
 }
 
 void TriangleBvh::Build(const TriangleMesh& mesh, const std::atomic<bool>* cancelled) {
-  // Asked once per triangle and level; looks now and then.
+  // Called for every triangle and level; reads the flag only at every 65536th call.
   auto stopped = [cancelled, asked = 0u]() mutable {
     return cancelled != nullptr && ++asked % (1 << 16) == 0 &&
            cancelled->load(std::memory_order_relaxed);
@@ -75,7 +75,7 @@ void TriangleBvh::Build(const TriangleMesh& mesh, const std::atomic<bool>* cance
     int depth;
   };
   std::vector<Task> stack = {{0, 0, static_cast<uint32_t>(count), 0}};
-  // Below this depth halve by count, so that traversal stacks of 64 always suffice.
+  // Nodes below this depth are halved by count, so that a traversal stack of 64 always suffices.
   constexpr int kMaxSahDepth = 30;
   constexpr uint32_t kLeafSize = 4;
   constexpr int kBins = 16;

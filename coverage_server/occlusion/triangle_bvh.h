@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Bounding-volume hierarchy over a triangle mesh for the exact evaluator: any-hit segments, nearby
-// triangles, and overlap with convex bodies. Embree is kept out of the server so that the tests'
-// judge stays independent, and it knows neither swept bodies nor our bundles of rays.
+// triangles, and overlap with convex bodies. The tests compare with Embree, so the server does not
+// use it; Embree also has neither swept bodies nor our bundles of rays.
 #pragma once
 
 #include <Eigen/Core>
@@ -18,12 +18,13 @@ namespace sightline {
 
 class TriangleBvh {
  public:
-  // Without triangles if *cancelled meanwhile.
+  // If *cancelled becomes true meanwhile, the hierarchy has no triangles.
   explicit TriangleBvh(const TriangleMesh& mesh, const std::atomic<bool>* cancelled = nullptr);
 
-  // Kay-Kajiya box and Moeller-Trumbore triangle tests in float, both sides of a triangle occlude.
-  // `from` is shared by eight segments; segment i ends at to[i] and hits only with parameter in
-  // (t_min, 1 - t_gap[i]). Lanes cleared in `active` are not tested. Returns the occluded lanes.
+  // Tests eight segments with the common start `from`: Kay-Kajiya box and Moeller-Trumbore triangle
+  // tests in float; both sides of a triangle occlude. Segment i ends at to[i]; its last part, the
+  // fraction gap[i], does not count. Lanes cleared in `active` are not tested. Returns the occluded
+  // lanes.
   static constexpr int kLanes = 8;
   struct Bundle {
     alignas(32) float to_x[kLanes], to_y[kLanes], to_z[kLanes];
@@ -31,7 +32,7 @@ class TriangleBvh {
   };
   uint32_t Occluded(const Eigen::Vector3f& from, const Bundle& bundle, uint32_t active) const;
 
-  // One segment; `gap_m` is the length left out at its end.
+  // Tests one segment; `gap_m` is the length left out at its end.
   bool Occluded(const Eigen::Vector3f& from, const Eigen::Vector3f& to, float gap_m) const;
 
   // Calls visit(triangle index) for every triangle whose box meets the box.

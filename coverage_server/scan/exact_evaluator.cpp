@@ -16,7 +16,7 @@ struct Candidate {
   int32_t column;
 };
 
-// Clears candidates that something hides from `from` (part coordinates).
+// Clears candidates that are occluded from `from` (part coordinates).
 void RemoveOccluded(const std::vector<Occluder>& occluders, const ScanGeometry& geometry,
                     const Eigen::Vector3d& part_centre_m, double stage_m,
                     const Eigen::Vector3f& from, std::vector<Candidate>& candidates) {

@@ -3,10 +3,10 @@
 //
 // Frame k is taken at stage position k * scan_step. A rendered frame shows the laser line where the
 // sheet cuts the part; in image column j the line's sub-pixel position lies on the plane through
-// the camera and the column's centre. So the measurement points of a frame are the points of
-// (mesh cut by sheet) on the column planes that the laser lights and the camera sees. They are
-// computed directly instead of through a frame buffer: cutting is exact, and occlusion is decided
-// by segments to laser and camera. tests/coverage_server holds the literal renderer that proves it.
+// the camera and the column's centre. So the measurement points of a frame are the points of the
+// mesh on the sheet and on a column plane that the laser lights and the camera sees. They are
+// computed directly, without a frame buffer: the cut is exact, and segments to laser and camera
+// decide occlusion. tests/coverage_server compares the points with those of a renderer.
 #pragma once
 
 #include <atomic>
@@ -23,8 +23,9 @@
 namespace sightline {
 
 // All measured points in order of frame, column, depth. `occluders[0]` is the part. Points lie on
-// triangles that face both camera and laser, and with `light` where a permitted exposure shows the
-// line. Empty if the sheet holds the scan direction. Stops early when *cancelled.
+// triangles that face both camera and laser; with `light`, only places count at which a permitted
+// exposure shows the line. Empty if the sheet contains the scan direction. Stops early when
+// *cancelled.
 std::vector<MeasurementPoint> MeasureScan(const TriangleMesh& part, const Rig& rig,
                                           const Eigen::Vector3d& part_centre_m,
                                           const std::vector<Occluder>& occluders,

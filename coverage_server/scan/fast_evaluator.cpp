@@ -22,12 +22,12 @@ struct FloatScan {
   float hx, hy, hz, normal_x;    // sheet normal, |n . e_x|
   float focal_px, half_columns, half_rows, tan_x, tan_y, fan_tangent;
   float max_range, min_depth, max_depth, max_depth_times_distance;
-  // Cosine and sine of the steepest incidence. The reach is the largest distance of a probe from
-  // its target; 0 at 90 degrees, since the field knows the horizon itself.
+  // Cosine and sine of the steepest incidence, and the largest distance of a probe from its target
+  // for that test; 0 at 90 degrees, because the field contains the horizon itself.
   float cos_incidence, sin_incidence, reach_incidence;
   float inverse_step, step, radius_squared;
-  // How far a probe may be from its target: as such, and across the planes that bound the image and
-  // the fan. The lit moments of the two differ too, which moves the sensors.
+  // Largest distance of a probe from its target: in space, and across the planes that bound the
+  // image and the fan. The latter include the motion of the sensors between both lit moments.
   float reach, reach_x, reach_y, reach_fan;
 };
 
@@ -163,9 +163,9 @@ bool HasGridPoint(const FloatScan& f, const Eigen::Vector3f& point, const Eigen:
   return false;
 }
 
-// True if a measurement point covers the target: near a probe that was `seen`, since the tangent
-// plane goes on where the surface ends, and where the surface is curved also on the probe's plane.
-// Probes are so close that every point of the disc is within half its radius of one.
+// True if a measurement point covers the target. The point must be near a `seen` probe, because
+// the tangent plane extends beyond the surface, and on curved surfaces also on the probe's plane.
+// Every point of the disc is within half its radius of a probe.
 bool GridCovers(const FloatScan& f, const FastEvaluator::TargetProbes& probes, bool flat,
                 uint8_t seen) {
   const auto probe = [&](int k) { return Eigen::Vector3f(probes.x[k], probes.y[k], probes.z[k]); };
@@ -186,8 +186,8 @@ bool GridCovers(const FloatScan& f, const FastEvaluator::TargetProbes& probes, b
       });
 }
 
-// Whether the box is met on the way from `place` to `sensor`, both in its axes; hits as near to the
-// place as a surface to itself do not count.
+// True if the segment from `place` to `sensor`, both in the box's axes, meets the box. Hits within
+// the gap that keeps a surface from hiding itself do not count.
 bool Meets(const TravellingBox& box, const Eigen::Vector3f& place, const Eigen::Vector3f& sensor) {
   constexpr float kSurfaceGapM = 2e-5f;
   const Eigen::Vector3f way = sensor - place;
@@ -205,7 +205,7 @@ bool Meets(const TravellingBox& box, const Eigen::Vector3f& place, const Eigen::
   return enters < leaves;
 }
 
-// Whether a box that travels along hides the target from camera or laser when it is lit.
+// True if a travelling box hides the lit target from camera or laser.
 bool HiddenByBox(const ScanInPart& scan, const FloatScan& f, const Eigen::Vector3f& target,
                  float stage_m) {
   const Eigen::Vector3f moved = stage_m * Eigen::Vector3f(f.sx, f.sy, f.sz);
@@ -220,7 +220,7 @@ bool HiddenByBox(const ScanInPart& scan, const FloatScan& f, const Eigen::Vector
   return false;
 }
 
-// Places and normals of one table, and whether a permitted exposure shows the line there.
+// Places and normals, and for each the result: a permitted exposure shows the line there.
 struct LitPlaces {
   alignas(64) float x[kTargetsPerBlock], y[kTargetsPerBlock], z[kTargetsPerBlock];
   alignas(64) float nx[kTargetsPerBlock], ny[kTargetsPerBlock], nz[kTargetsPerBlock];
@@ -347,8 +347,8 @@ void FastEvaluator::TestBlock(const Block& block, const FloatScan& f, int map_si
     // coverage radius and their normals differ little from the target's.
     const float horizon = block.horizon[i];
     const float facing = nx * vx + ny * vy + nz * vz, lit = nx * lx + ny * ly + nz * lz;
-    // Cosines of the steepest incidence plus and minus the angle whose sine is `horizon`; no probe
-    // is sure to pass where that angle is the larger one.
+    // Cosines of the steepest incidence plus and minus the angle whose sine is `horizon`. If that
+    // angle is the larger one, no probe is certain to pass.
     const float level = std::sqrt(std::max(0.0f, 1 - horizon * horizon));
     const float spread = f.sin_incidence * horizon;
     const float loose_cosine = f.cos_incidence * level - spread;
@@ -370,9 +370,9 @@ void FastEvaluator::TestBlock(const Block& block, const FloatScan& f, int map_si
                           (out_x <= -f.reach_x) & (out_y <= -f.reach_y) & (far <= -f.reach) &
                           ((depth + f.reach) * (distance + f.reach) <= f.max_depth_times_distance) &
                           (out_fan <= -f.reach_fan);
-    // Across the lit line frames are step |n_x| / |n_t| apart on the surface, along it columns are
-    // one pixel's footprint apart. Where half of both fits into the coverage radius, some point of
-    // that grid covers the target; elsewhere GridCovers looks closer.
+    // On the surface, frames are step |n_x| / |n_t| apart across the lit line, and columns one
+    // pixel's footprint apart along it. If half of both fits into the coverage radius, some point
+    // of this grid covers the target; otherwise GridCovers decides.
     const float hn = f.hx * nx + f.hy * ny + f.hz * nz;
     const float tangential = std::max(1 - hn * hn, 1e-6f);  // |n_t|^2
     const float tx = f.hy * nz - f.hz * ny, ty = f.hz * nx - f.hx * nz, tz = f.hx * ny - f.hy * nx;
@@ -447,7 +447,7 @@ void FastEvaluator::Evaluate(std::span<const ScanInPart> scans, std::span<FastSc
   for (FastScan& result : results) result.covered = TargetBits(target_count_);
 
   const int side = field_.map().side;
-  // Two queries in flight: geometry of one, look-ups of the one before.
+  // Pipeline of two queries: geometry of the current one, look-ups of the previous one.
   struct Pending {
     size_t query = 0;
     int count = 0;

@@ -13,7 +13,7 @@
 
 namespace sightline {
 
-// A target some of whose probes camera and laser see at their lit moment.
+// A target of which camera and laser see at least one probe at the moment when the probe is lit.
 struct SeenTarget {
   uint32_t target;
   uint8_t probes;  // bit k: probe k
@@ -22,11 +22,11 @@ struct SeenTarget {
 // Coverage of one scan by the estimate from the visibility field.
 struct FastScan {
   TargetBits covered;
-  // Stage positions at which the covered targets are lit; start > end if none is covered.
+  // Stage positions at which the covered (or listed seen) targets are lit; start > end: none.
   double stage_start_m = 1;
   double stage_end_m = 0;
-  // Only if asked for: targets that are seen, ascending, whether or not a frame and a column come
-  // close enough to cover them.
+  // Seen targets, ascending, even if no frame and column come close enough to cover them; filled
+  // only on request.
   std::vector<SeenTarget> seen;
 };
 
@@ -38,7 +38,7 @@ class FastEvaluator {
     float nx[kProbesPerTarget] = {}, ny[kProbesPerTarget] = {}, nz[kProbesPerTarget] = {};
   };
 
-  // The light on the targets: a map, and the table of every target (LightLimit::EntryOf).
+  // Limits by light: the map, and the table of every target (LightLimit::EntryOf).
   struct TargetLight {
     const LightMap* map = nullptr;  // null: light limits nothing
     std::vector<int16_t> entries;
@@ -51,11 +51,11 @@ class FastEvaluator {
                 const SurfaceProbes& probes, const VisibilityField& field)
       : FastEvaluator(targets, sampling, probes, field, TargetLight()) {}
 
-  // A target counts as covered if one of its probes faces camera and laser, lies in field of view,
-  // fan, range and admissible depth when it is lit, is seen from both, and a permitted exposure
-  // shows the line there, and if the grid of frames and columns is fine enough to put a point
-  // there. Evaluates the whole batch block by block, so that the field is read once a batch.
-  // `with_seen`: lists seen targets too. Stops early when *cancelled.
+  // A target counts as covered if the grid of frames and columns puts a point near one of its
+  // probes that, when lit, faces camera and laser, is seen from both, and lies within field of
+  // view, fan, range and admissible depth, at a place where a permitted exposure shows the line.
+  // Evaluates the whole batch block by block, so that the field is read once per batch.
+  // `with_seen`: also lists seen targets. Stops early when *cancelled.
   void Evaluate(std::span<const ScanInPart> scans, std::span<FastScan> results, bool with_seen,
                 const std::atomic<bool>* cancelled) const;
 
@@ -76,8 +76,8 @@ class FastEvaluator {
     uint8_t lane;
     uint8_t probes;
   };
-  // Keeps those of the seen targets of a block on which a permitted exposure shows the line: on the
-  // target, or where the surface is curved on a probe. Returns how many.
+  // Removes seen targets of a block on which no permitted exposure shows the line: at the target
+  // and, on curved surfaces, at its probes. Returns the number of remaining targets.
   int KeepLit(const struct FloatScan& scan, size_t block, SeenLane* seen, int count) const;
   static void TestBlock(const Block& block, const struct FloatScan& scan, int map_side,
                         Lanes& lanes);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Points that exact scans measured lately.
+// Cache of the points that recent exact scans have measured.
 #pragma once
 
 #include <Eigen/Core>
@@ -14,7 +14,7 @@
 
 namespace sightline {
 
-// Ray-exact point that a frame measures (exact_evaluator.h).
+// A point that a frame measures, exact by rays (exact_evaluator.h).
 struct MeasurementPoint {
   Eigen::Vector3f position_m;  // part coordinates
   Eigen::Vector3f normal;
@@ -22,7 +22,7 @@ struct MeasurementPoint {
   int32_t column_px;
 };
 
-// The numbers of a scan, bit by bit: the same for the same scan alone.
+// The bits of a scan's numbers: two scans have equal keys only if they are identical.
 inline std::string MeasurementKey(const Measurement& measurement) {
   std::string key;
   for (const double value : ToArray(measurement)) {
@@ -32,16 +32,16 @@ inline std::string MeasurementKey(const Measurement& measurement) {
   return key;
 }
 
-// Scans are asked about again: for other targets on the same part, for their points, for a picture.
-// Points of one part on one rig among its obstacles, within the same limits on depth; scenes that
-// have all that in common share them. Answers do not depend on the cache.
+// The same scan is often queried again: for other targets on the same part, for its points, for a
+// picture. Scenes share points if they have the same part, rig, obstacles and limits on depth.
+// Answers do not depend on the cache.
 struct MeasuredScans {
   using Points = std::vector<MeasurementPoint>;
 
   std::shared_ptr<LruStore<Points>> store;  // null: nothing is kept
-  std::string geometry;                     // names part, rig, obstacles and limits
+  std::string geometry;                     // identifies part, rig, obstacles and limits
 
-  // Null if unknown.
+  // The points of a scan; null if they are not in the cache.
   std::shared_ptr<const Points> Find(const Measurement& measurement) const {
     return store == nullptr ? nullptr : store->Get(KeyOf(measurement));
   }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Conditions that a place of the surface must meet in the frame that lights it. The exact evaluator
-// asks them of every measurement point; explanations name the one that fails.
+// checks them for every measurement point; explanations name the violated one.
 #pragma once
 
 #include <Eigen/Core>
@@ -27,14 +27,14 @@ inline bool WithinDepth(const PointLimits& admissible, double depth_m) {
   return depth_m >= admissible.min_m && depth_m <= admissible.max_m;
 }
 
-// By the limit on depth per pixel (MaxDepthTimesDistance).
+// True if the place keeps the limit on depth per pixel (MaxDepthTimesDistance).
 inline bool FineInDepth(const PointLimits& admissible, const Eigen::Vector3d& from_camera,
                         double depth_m) {
   return depth_m * from_camera.norm() <= admissible.max_depth_times_distance_m2;
 }
 
-// Whether the surface is not too steep to a sensor; `normal` of any length, `to_sensor` leads to
-// it.
+// True if the surface keeps the limit on incidence for a sensor. `normal` of any length;
+// `to_sensor` leads to the sensor.
 inline bool WithinIncidence(const PointLimits& limits, const Eigen::Vector3d& normal,
                             const Eigen::Vector3d& to_sensor) {
   return limits.min_cos_incidence <= 0 ||
@@ -77,7 +77,7 @@ inline FrameChange FromPart(ObstacleFrame frame, const ScanGeometry& geometry,
   return {geometry.part_rotation.cast<float>(), shift.cast<float>()};
 }
 
-// Whether the occluder hides a place from a sensor; both in part coordinates.
+// True if the occluder hides a place from a sensor; both in part coordinates.
 inline bool Hides(const Occluder& occluder, const FrameChange& change,
                   const Eigen::Vector3f& sensor, const Eigen::Vector3f& place) {
   return occluder.bvh.Occluded(change(sensor), change(place), kSurfaceGapM);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// One scan expressed in part coordinates: there every quantity is linear in the part point, and the
-// sensors move by -s X with the stage position s.
+// A scan in part coordinates, in which every quantity is linear in the part point and the sensors
+// move by -s X with the stage position s.
 #pragma once
 
 #include <Eigen/Core>
@@ -10,13 +10,13 @@
 
 namespace sightline {
 
-// A box that travels with the stage, as part coordinates see it: rotation p + shift is in the box's
-// axes.
+// A box that travels with the stage. A point p in part coordinates is rotation p + shift in the
+// axes of the box.
 struct TravellingBox {
   Eigen::Matrix3f rotation;
   Eigen::Vector3f shift;
   Eigen::Vector3f low, high;
-  // Whether it reaches as high as these: a box hides nothing above it.
+  // False if the box lies below the part and the sensor above its top: it then hides nothing.
   bool hides_camera, hides_laser;
 };
 
@@ -35,10 +35,10 @@ struct ScanInPart {
   double focal_length_px;
   double half_columns_px, half_rows_px;
   double scan_step_m;
-  PointLimits depth;  // admissible by resolution and defocus
+  PointLimits depth;  // limits by resolution and defocus
   // The obstacle boxes that can hide a sensor from the part.
   std::vector<TravellingBox> boxes;
-  // False when the sheet holds the scan direction: nothing is ever swept.
+  // False if the laser sheet contains the scan direction: the scan then sweeps no volume.
   bool sweeps;
 };
 
@@ -53,7 +53,7 @@ inline ScanInPart MakeScanInPart(const Rig& rig, const Eigen::Vector3d& part_cen
   scan.sheet_normal_x = std::abs(nx);
   scan.sweeps = scan.sheet_normal_x > 1e-6;
   scan.lit_gradient = -scan.sheet_normal / nx;
-  // The sheet holds the laser source at every stage position.
+  // The sheet contains the laser source at every stage position.
   scan.lit_offset_m = scan.sheet_normal.dot(scan.laser.origin_m) / nx;
   scan.max_range_m = rig.max_range_m;
   scan.fan_tangent = std::tan(0.5 * rig.laser.fan_angle_rad);

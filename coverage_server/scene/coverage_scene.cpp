@@ -256,7 +256,7 @@ class CoverageSceneImpl final : public CoverageScene {
 
   MeasuredScan MeasureForInference(const Measurement& measurement,
                                    const std::atomic<bool>* cancelled) const override {
-    // A plan is asked about many times while it grows.
+    // A growing plan is queried many times.
     const std::string key = MeasurementKey(measurement);
     if (const auto known = inferred_scans_.Get(key)) return *known;
     std::vector<MeasurementPoint> points;
@@ -322,7 +322,7 @@ class CoverageSceneImpl final : public CoverageScene {
     if (!measured.empty()) {
       coverage.first_frame = measured.front().frame;
       coverage.last_frame = measured.back().frame;
-      // The clearance is there to be used up by displacements.
+      // The clearance is a margin for displacements, so it does not apply here.
       Rig rig = definition_.rig;
       rig.clearance_m = 0;
       if (Collides(rig, geometry, part_centre_m_, occluders_,
@@ -409,7 +409,7 @@ class CoverageSceneImpl final : public CoverageScene {
     return absl::OkStatus();
   }
 
-  // Whether it is its own bounding box.
+  // True if the mesh is a box along its axes.
   static bool IsBox(const TriangleMesh& mesh) {
     const Eigen::AlignedBox3d box = mesh.BoundingBox();
     for (const Eigen::Vector3f& p : mesh.positions_m) {
@@ -549,7 +549,7 @@ class CoverageSceneImpl final : public CoverageScene {
     return depth;
   }
 
-  // 0 where the surface may be as steep as 90 degrees.
+  // 0 if the limit on incidence is 90 degrees.
   double LeastCosineOfIncidence() const {
     const std::optional<double>& incidence_rad = definition_.sampling.max_incidence_rad;
     return incidence_rad ? std::max(0.0, std::cos(*incidence_rad)) : 0;
@@ -574,7 +574,7 @@ class CoverageSceneImpl final : public CoverageScene {
   TargetSet targets_;
   TargetBits measurable_, measurable_in_free_space_;
   std::vector<uint64_t> measurable_orientations_;
-  // Obstacles that travel with the stage and are boxes: those the fast estimate knows.
+  // Boxes that travel with the stage: the only obstacles that the fast estimate considers.
   struct Box {
     ObstacleFrame frame;
     Eigen::Vector3f low, high;
@@ -585,7 +585,7 @@ class CoverageSceneImpl final : public CoverageScene {
   mutable std::once_flag single_obstacles_made_;
   mutable std::vector<std::vector<Occluder>> single_obstacles_;
   std::unique_ptr<VisibilityField> field_;
-  // Null where light limits nothing.
+  // Null if light limits nothing.
   std::unique_ptr<LightLimit> light_;
   std::unique_ptr<LightMap> light_map_;
   std::unique_ptr<FastEvaluator> fast_;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A part on a rig with its targets: everything gain queries need.
+// A part on a rig with its targets: all data for gain queries.
 #pragma once
 
 #include <atomic>
@@ -36,7 +36,7 @@ struct SceneDefinition {
   std::vector<SceneObstacle> obstacles;
   int field_directions = kDefaultFieldDirections;
   std::optional<UncertaintyModel> uncertainty;
-  // The permitted scans; unset: camera and laser anywhere in free space.
+  // The permitted scans; unset: camera and laser may be anywhere in free space.
   std::optional<MeasurementDomain> domain;
   // With tables and both exposure times. Unset: light limits nothing.
   std::optional<Detectability> detectability;
@@ -58,7 +58,7 @@ struct SceneTimings {
 // Immutable once built; all queries may run in parallel from any number of threads.
 class CoverageScene {
  public:
-  // INVALID_ARGUMENT, RESOURCE_EXHAUSTED as SampleTargets; CANCELLED.
+  // Errors INVALID_ARGUMENT and RESOURCE_EXHAUSTED as for SampleTargets; CANCELLED.
   static absl::StatusOr<std::unique_ptr<CoverageScene>> Build(SceneDefinition definition,
                                                               const SceneBuildOptions& options);
   virtual ~CoverageScene() = default;
@@ -70,18 +70,18 @@ class CoverageScene {
   // The targets that are measurable in free space, within the limit on incidence and in the domain
   // (measurability/domain_measurability.h).
   virtual const TargetBits& measurable() const = 0;
-  // Thesis section 6.1: some pair of unoccluded directions 10 to 80 degrees apart, whatever the
-  // limits on the surface are.
+  // The targets with a pair of unoccluded directions 10 to 80 degrees apart (thesis section 6.1),
+  // regardless of limits on incidence.
   virtual const TargetBits& measurable_in_free_space() const { return measurable(); }
-  // Bit r of a target: it is measurable with the part in resting orientation r of the domain.
-  // Empty: the domain has none, or more than 64.
+  // Bit r of a target's entry: the target is measurable with the part in resting orientation r of
+  // the domain. Empty: the domain has no or more than 64 resting orientations.
   virtual std::span<const uint64_t> measurable_orientations() const { return {}; }
   virtual Eigen::Vector3d part_centre_m() const = 0;
   virtual int64_t field_bytes() const = 0;
   virtual const SceneTimings& timings() const = 0;
 
-  // Visibility-field estimates. `covered` may be null; `weights` empty or one per target.
-  // Stops early (results unspecified) when *cancelled becomes true.
+  // Estimates gains by the visibility field. `covered` may be null; `weights`: empty or one per
+  // target. Stops early (results unspecified) when *cancelled becomes true.
   virtual void EvaluateGains(std::span<const Measurement> measurements, const TargetBits* covered,
                              std::span<const float> weights, std::span<FastGain> gains,
                              const std::atomic<bool>* cancelled) const = 0;
@@ -89,14 +89,15 @@ class CoverageScene {
                                     std::span<FastCoverage> coverages,
                                     const std::atomic<bool>* cancelled) const = 0;
 
-  // Frame-by-frame definition. `points` may be null; otherwise receives all measured points in
-  // order of frame, column, depth.
+  // Evaluates coverage by its definition, frame by frame. `points` may be null; otherwise it
+  // receives all measured points in order of frame, column, depth.
   virtual ExactCoverage EvaluateExact(const Measurement& measurement,
                                       std::vector<MeasurementPoint>* points,
                                       const std::atomic<bool>* cancelled) const = 0;
 
-  // The same with part, camera and laser displaced. Bodies may use up the rig's clearance, and the
-  // scan may use more travel than the stage has: a plan states its travel for parts in their place.
+  // The same with part, camera and laser displaced. The rig's clearance does not apply, and the
+  // scan may use more travel than the stage has: a plan states its travel for parts without
+  // displacement.
   virtual ExactCoverage EvaluateDisplaced(const Measurement& measurement,
                                           const ScanDisplacement& displacement,
                                           const std::atomic<bool>* cancelled) const = 0;
@@ -107,8 +108,8 @@ class CoverageScene {
                        std::span<TargetExplanation> /*results*/,
                        const std::atomic<bool>* /*cancelled*/) const {}
 
-  // How well scans make the surface known. Scenes that were built without an uncertainty model have
-  // no priors and must not be asked.
+  // Queries about the uncertainty of the surface after scans. Scenes without an uncertainty model
+  // have no priors and must not get these queries.
   virtual const UncertaintyModel* uncertainty() const { return nullptr; }
   virtual const TargetPriors* priors() const { return nullptr; }
   virtual void EvaluateInformation(std::span<const Measurement> /*measurements*/,
@@ -118,7 +119,7 @@ class CoverageScene {
                                         const UncertaintyRequirement& /*requirement*/,
                                         std::span<UncertaintyGain> /*gains*/,
                                         const std::atomic<bool>* /*cancelled*/) const {}
-  // Kept for a while, since plans are asked about again and again.
+  // Results are cached, because the scans of a plan are queried repeatedly.
   virtual MeasuredScan MeasureForInference(const Measurement& /*measurement*/,
                                            const std::atomic<bool>* /*cancelled*/) const {
     return {};

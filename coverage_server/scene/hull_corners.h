@@ -12,13 +12,13 @@
 
 namespace sightline {
 
-// Computes the hull of many points in a process of its own, if there is a program for it: qhull
-// cannot be stopped. The same corners in the same order either way. Errors of MakeConvexHull() and
-// RunWorkerTask(); CANCELLED soon after *cancelled.
+// Computes the hull of many points in a separate process, if there is a program for it, because
+// qhull cannot be stopped. Corners and their order do not depend on that. Errors as for
+// MakeConvexHull() and RunWorkerTask(); CANCELLED soon after *cancelled.
 absl::StatusOr<std::vector<Eigen::Vector3d>> HullCorners(std::span<const Eigen::Vector3f> points_m,
                                                          const std::atomic<bool>* cancelled);
 
-// The task for the other process.
+// The task that runs in the separate process.
 WorkerTask HullCornersTask();
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Interface of the coverage engine to the service. Tests put a formula in its place.
+// Interface of the coverage engine to the service. Tests replace the engine by a formula.
 #pragma once
 
 #include <functional>

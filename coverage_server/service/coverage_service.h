@@ -63,7 +63,7 @@ class CoverageServiceImpl final : public v1::CoverageService::Service {
                            v1::UploadPartResponse* response);
   absl::Status Gains(grpc::ServerContext* context, const v1::EvaluateGainsRequest& request,
                      v1::EvaluateGainsResponse* response);
-  // Gains of a request with uncertainty_gain, of the batch's measurements inside Table 2.1.
+  // Gains of a request with uncertainty_gain, for the measurements of the batch within Table 2.1.
   absl::Status GainsByUncertainty(grpc::ServerContext* context, const CoverageScene& scene,
                                   const v1::EvaluateGainsRequest& request,
                                   const MeasurementBatch& batch, const TargetBits* covered,
@@ -75,14 +75,14 @@ class CoverageServiceImpl final : public v1::CoverageService::Service {
                         v1::EvaluateCoverageResponse* response);
   absl::Status Explain(grpc::ServerContext* context, const v1::ExplainTargetsRequest& request,
                        v1::ExplainTargetsResponse* response);
-  // Runs `body` on the pool; stops when the call does.
+  // Runs `body` on the pool; stops when the call ends.
   absl::Status Evaluate(grpc::ServerContext* context, size_t items, size_t chunk,
                         const EvaluationPool::Body& body);
 
   const Parts p_;
-  const SharedLimit upload_memory_;  // bytes that have come and are not kept yet
-  // Parts that are read: a mesh of 20 million triangles takes some 4 GB until it is welded, and a
-  // small glTF file can repeat its geometry to as many.
+  const SharedLimit upload_memory_;  // bytes that have arrived and are not stored yet
+  // Limits how many parts are read at a time: a mesh of 20 million triangles takes about 4 GB until
+  // it is welded, and a small glTF file can repeat its geometry to that number.
   PeerTurns reading_turns_{2};
 };
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A fixed set of threads on which all queries run.
+// A fixed pool of threads on which all queries run.
 #pragma once
 
 #include <atomic>
@@ -15,9 +15,9 @@
 
 namespace sightline {
 
-// gRPC makes and drops threads as calls come and go; queries keep per-thread scratch memory and GL
-// contexts, so they run here. Batches share the threads chunk by chunk in turn: a batch of slow
-// exact queries does not block fast ones.
+// Queries keep scratch memory and GL contexts per thread, but gRPC makes and ends threads with its
+// calls; so queries run here. Batches share the threads in turn, chunk by chunk, so that a batch of
+// slow exact queries does not block fast ones.
 class EvaluationPool {
  public:
   // Work on items [begin, end); stops early when `cancelled` becomes true.

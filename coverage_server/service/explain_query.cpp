@@ -13,7 +13,7 @@ namespace sightline {
 namespace {
 
 constexpr int kMaxTargets = 100'000;
-// Targets from one look at the deadline to the next: an explanation takes about a millisecond.
+// Targets between two checks of the deadline; an explanation takes about a millisecond.
 constexpr size_t kExplanationChunk = 64;
 
 v1::UncoveredReason ReasonToProto(UncoveredReason reason) {
@@ -71,8 +71,8 @@ absl::Status CoverageServiceImpl::Explain(grpc::ServerContext* context,
   }
   if (!stored->spec.has_measurement()) {
     return WithErrorInfo(
-        absl::FailedPreconditionError("the scene was created without spec.measurement: what scans "
-                                      "may be is not known"),
+        absl::FailedPreconditionError("the scene was created without spec.measurement, so no "
+                                      "domain of scans is known"),
         "SCENE_WITHOUT_DOMAIN");
   }
   SIGHTLINE_ASSIGN_OR_RETURN(const auto domain,

@@ -12,9 +12,9 @@
 
 namespace sightline {
 
-// Fast queries take tens of microseconds: a chunk is long against a thread's wake-up.
+// Fast queries take tens of microseconds, so a chunk takes much longer than a thread's wake-up.
 inline constexpr size_t kFastChunk = 16;
-// Chunks of a batch of fast queries: equal ones, two a thread, since scans take unequally long.
+// Size of the chunks of a batch of fast queries: two per thread, because scans differ in duration.
 inline size_t FastChunk(size_t queries, int threads) {
   const size_t shares = 2 * static_cast<size_t>(threads);
   return std::clamp<size_t>((queries + shares - 1) / shares, 1, kFastChunk);

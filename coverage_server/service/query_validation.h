@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Requests checked once, at the edge.
+// Checks requests once, at the border of the service.
 #pragma once
 
 #include <optional>
@@ -17,8 +17,8 @@ namespace sightline {
 
 inline constexpr int kMaxMeasurementsPerRequest = 4096;
 
-// The measurements of a batch; those outside Table 2.1 are set aside: they are answered
-// OUT_OF_BOUNDS without asking the scene.
+// The measurements of a batch. Those outside Table 2.1 are separated: their answer is
+// OUT_OF_BOUNDS, without a query of the scene.
 struct MeasurementBatch {
   size_t size = 0;
   std::vector<Measurement> inside;
@@ -34,9 +34,9 @@ absl::StatusOr<MeasurementBatch> ParseMeasurements(
 absl::StatusOr<Measurement> ParseMeasurement(const v1::Measurement& measurement,
                                              const std::string& field);
 
-// Empty, or one displacement per measurement of the batch: those of its measurements inside
-// Table 2.1. INVALID_ARGUMENT for another number, and for coordinates that are not finite or too
-// large.
+// `displacements` is empty or has one entry per measurement of the batch. Returns the entries of
+// the measurements inside Table 2.1. INVALID_ARGUMENT: another number of entries, or coordinates
+// that are not finite or too large.
 absl::StatusOr<std::vector<ScanDisplacement>> ParseDisplacements(
     const google::protobuf::RepeatedPtrField<v1::ScanDisplacement>& displacements,
     const MeasurementBatch& batch);
@@ -48,12 +48,12 @@ absl::Status CheckEvaluator(v1::Evaluator evaluator);
 absl::StatusOr<std::optional<TargetBits>> ParseTargetBits(const std::string& bytes, size_t targets,
                                                           const std::string& field);
 
-// Empty, or one finite weight >= 0 per target.
+// OK: `weights` is empty or has one finite weight >= 0 per target.
 absl::Status CheckWeights(const google::protobuf::RepeatedField<float>& weights, size_t targets);
 
-// A gain by uncertainty: weights >= 0 and not all 0, one admissible uncertainty or one per target,
-// known information of none or of every target; all finite and >= 0. The spans of the result point
-// into the message.
+// Checks a gain by uncertainty: weights, not all 0; one admissible uncertainty, or one per target;
+// accumulated information of no or of every target; all numbers finite and >= 0. The spans of the
+// result point into the message.
 absl::StatusOr<UncertaintyRequirement> ParseUncertaintyGain(const v1::UncertaintyGain& gain,
                                                             size_t targets);
 

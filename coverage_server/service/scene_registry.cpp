@@ -104,7 +104,8 @@ absl::StatusOr<JobRecord> SceneRegistry::CreateScene(const std::string& peer,
                                                                  "' was used for another scene")),
                            "REQUEST_ID_REUSED");
     }
-    // A retry gets its job, even a failed one; only a scene that was dropped since is built anew.
+    // A retry gets its earlier job, even a failed one. Only if the scene was dropped since, it is
+    // built again.
     absl::StatusOr<JobRecord> job = jobs_->Get(it->second.job_id);
     if (job.ok() && (job->state != JobState::kSucceeded || scenes_.Get(digest) != nullptr)) {
       return job;
@@ -125,8 +126,8 @@ absl::StatusOr<JobRecord> SceneRegistry::CreateScene(const std::string& peer,
       return job;
     }
   }
-  // Parts are checked now so that the client learns at once what to upload, and looked up again
-  // when the job starts; both touch them, so that they are the last to be dropped in between.
+  // Parts are looked up now, so that the client learns at once what to upload, and again when the
+  // job starts. The look-up marks them as recently used, so that they are not dropped soon.
   SIGHTLINE_RETURN_IF_ERROR(FindPart(parsed.part_digest).status());
   for (const auto& obstacle : parsed.obstacles) {
     SIGHTLINE_RETURN_IF_ERROR(FindPart(obstacle.part_digest).status());

@@ -33,23 +33,23 @@ struct StoredScene {
 // Scenes that may wait to be built.
 inline constexpr int kMaxUnfinishedScenes = 64;
 
-// Some fifty scans of a part that fills the image.
+// Enough for about fifty scans of a part that fills the image.
 inline constexpr int64_t kMeasuredScansBytes = 128 << 20;
 
-// Thread-safe. `jobs` must outlive it, but run no more jobs when it ends.
+// Thread-safe. `jobs` must outlive it, but must not run jobs any more when it is destroyed.
 class SceneRegistry {
  public:
   SceneRegistry(CoverageBackend backend, JobStore* jobs, CoverageMetrics* metrics,
                 int64_t max_part_bytes, int64_t max_scene_bytes);
 
-  // Returns the part's digest. RESOURCE_EXHAUSTED if it alone exceeds the limit.
+  // Stores a part and returns its digest. RESOURCE_EXHAUSTED: the part alone exceeds the limit.
   absl::StatusOr<std::string> AddPart(std::shared_ptr<const StoredPart> part);
 
-  // The job (kind "scene") that builds or built this scene. Idempotent by request_id
-  // (ALREADY_EXISTS if it was used for another scene; empty: no such check) and by content: a scene
-  // that is built or being built has one job, which all who ask for it share. NOT_FOUND (reason
-  // PART_UNKNOWN, metadata part_digest) for a part that must be uploaded first.
-  // UNAVAILABLE (OVERLOADED): too many scenes, or too many of `peer`, wait to be built.
+  // Returns the job (kind "scene") that builds or has built this scene. Idempotent by request_id
+  // (ALREADY_EXISTS: it was used for another scene; empty: no such check) and by content: all
+  // requests for a scene share the one job that builds or has built it. NOT_FOUND (reason
+  // PART_UNKNOWN, metadata part_digest): the part must be uploaded first. UNAVAILABLE (OVERLOADED):
+  // too many scenes, or too many scenes of `peer`, wait to be built.
   absl::StatusOr<JobRecord> CreateScene(const std::string& peer, const std::string& request_id,
                                         const v1::SceneSpec& spec);
 

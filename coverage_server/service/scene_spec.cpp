@@ -148,7 +148,7 @@ absl::StatusOr<ParsedSceneSpec> ParseSceneSpec(const v1::SceneSpec& spec) {
     }
     parsed.obstacles.push_back({obstacle.part_digest(), frame.value_or(ObstacleFrame::kPart)});
   }
-  // Resting faces and the table's size follow from the part; a scene has these results.
+  // Resting faces and the size of the table follow from the part; a scene must state the results.
   if (spec.rig().part_holding() == v1::Rig::PART_HOLDING_RESTING ||
       spec.rig().part_holding() == v1::Rig::PART_HOLDING_FIXTURE || spec.rig().has_table()) {
     violations.push_back({spec.rig().has_table() ? "spec.rig.table" : "spec.rig.part_holding",
@@ -212,7 +212,7 @@ absl::StatusOr<ParsedSceneSpec> ParseSceneSpec(const v1::SceneSpec& spec) {
   if (spec.has_part_placement()) *normalised.mutable_part_placement() = spec.part_placement();
   if (spec.has_detectability()) {
     *normalised.mutable_detectability() = spec.detectability();
-    // It went into the table; the limit does not depend on it.
+    // The table was computed with it; the limit depends on the table alone.
     normalised.mutable_detectability()->clear_min_detected_fraction();
   }
   parsed.digest = Sha256Hex(DeterministicBytes(normalised));

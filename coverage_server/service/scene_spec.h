@@ -14,11 +14,11 @@ namespace sightline {
 struct ParsedSceneSpec {
   v1::SceneSpec normalised;
   std::string digest;
-  // The same for all scenes in which a scan measures the same points, whatever their targets are.
+  // Equal for all scenes in which a scan measures the same points; independent of their targets.
   std::string geometry_digest;
   std::string part_digest;
-  bool part_has_materials = false;  // named with them (PartNameWithMaterials)
-  // Everything but the meshes, which are named by their digests.
+  bool part_has_materials = false;  // the part is named with materials (PartNameWithMaterials)
+  // All of the scene except the meshes, which are named by their digests.
   Rig rig;
   TargetSampling sampling;
   int field_directions = kDefaultFieldDirections;
@@ -32,9 +32,9 @@ struct ParsedSceneSpec {
   std::vector<ObstacleRef> obstacles;
 };
 
-// Normal form: every default written out, so that equal scenes have equal bytes; normalising twice
-// changes nothing. Digest: SHA-256 (lower-case hex) of the deterministic serialization of the
-// normal form. INVALID_ARGUMENT with the fields at fault.
+// The normal form has every default written out, so that equal scenes have equal bytes; it is its
+// own normal form. Digest: SHA-256 (lower-case hex) of the deterministic serialization of the
+// normal form. INVALID_ARGUMENT with the invalid fields.
 absl::StatusOr<ParsedSceneSpec> ParseSceneSpec(const v1::SceneSpec& spec);
 
 }  // namespace sightline

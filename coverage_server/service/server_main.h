@@ -8,10 +8,10 @@
 
 namespace sightline {
 
-// `coverage_server --listen unix:PATH | HOST:PORT [options]`. Prints one line "listening on
-// ADDRESS" to stdout when it serves; logs to stderr. SIGTERM and SIGINT drain, a second one ends at
-// once. `version`: text of --version. Returns the exit code: 0 ended as asked, 1 failed while
-// running, 2 wrong arguments.
+// Runs `coverage_server --listen unix:PATH | HOST:PORT [options]`. Prints one line "listening on
+// ADDRESS" to stdout when it serves; logs to stderr. SIGTERM and SIGINT drain the server; a second
+// signal ends it at once. `version`: text of --version. Returns the exit code: 0 ended as asked,
+// 1 the server could not start, 2 wrong arguments.
 int CoverageServerMain(int argc, char** argv, const CoverageBackend& backend,
                        const std::string& version = "");
 

@@ -134,7 +134,7 @@ void InferTargets(const TargetSet& targets, const TargetPriors& priors, double m
       std::stable_sort(order.begin(), order.end(),
                        [](const auto& a, const auto& b) { return a.first > b.first; });
     }
-    // The posterior takes as long as some scans: it is asked for when about enough is known.
+    // The posterior takes as long as some scans, so it is computed only when it may suffice.
     double told = 0, ask_at = 0;
     for (const auto& [likely, s] : order) {
       const auto& scan = scans[s];

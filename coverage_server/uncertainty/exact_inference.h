@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How well scans together make the surface known at targets: Gaussian-process regression on the
-// points that each scan measures (thesis 3.4, 6.3.1).
+// Uncertainty of the surface at targets after several scans: Gaussian-process regression on the
+// points that the scans measure (thesis 3.4, 6.3.1).
 #pragma once
 
 #include <Eigen/Core>
@@ -42,8 +42,8 @@ class ScanPoints {
   // Variance [m^2] along `normal` of the error that all points near `place_m` have in common.
   double CalibrationVarianceAt(const Eigen::Vector3f& place_m, const Eigen::Vector3f& normal) const;
 
-  // Sum of 1/variance [1/m^2] of the points in the cells about a place, as if each had the variance
-  // of one at the place itself: the expected information of the scan there. 0: nothing.
+  // Expected information of the scan at a place [1/m^2]: number of points in the cells around it
+  // times 1/variance of a point at the place itself. 0: no points.
   double LikelyInformation(const Eigen::Vector3f& place_m, const Eigen::Vector3f& normal) const;
 
   // Bytes of the points, which are nearly all of its memory.
@@ -67,10 +67,11 @@ class ScanPoints {
   std::vector<Point> points_;
 };
 
-// Posterior at `targets_asked` (indices). A point informs about a target within the neighbourhood
-// of the target's prior if the surface it lies on faces the target's way within the gate on normals
-// (thesis 6.3.1). With `enough_m`, one per target asked for, the most informative scans come first,
-// and the rest are left out once the uncertainty is at most that. Stops early when *cancelled.
+// Posterior at the targets `targets_asked` (indices). A point informs about a target if it lies
+// within the neighbourhood of the target's prior, on a surface whose normal differs from the
+// target's by at most max_normal_angle_rad (thesis 6.3.1). With `enough_m`, one per queried target,
+// the most informative scans come first, and further scans are left out once the uncertainty is
+// at most that. Stops early when *cancelled.
 void InferTargets(const TargetSet& targets, const TargetPriors& priors, double max_normal_angle_rad,
                   std::span<const std::shared_ptr<const ScanPoints>> scans,
                   std::span<const uint32_t> targets_asked, bool after_each_scan,

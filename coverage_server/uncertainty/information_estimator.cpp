@@ -11,18 +11,19 @@
 namespace sightline {
 namespace {
 
-// Densities that are tabulated [1/m^4]: from one point of 1 mm in 100 cm^2 to a million of 1 um in
-// a square millimetre. Smaller densities count as no information.
+// Range of tabulated densities [1/m^4]: from one point of 1 mm noise per 100 cm^2 to a million
+// points of 1 um noise per mm^2. Smaller densities count as no information.
 constexpr float kLogDensityMin = 18.42068f;  // ln 1e8
 constexpr float kLogDensityMax = 55.26204f;  // ln 1e24
 constexpr int kTableEntries = 257;
 constexpr float kEntriesPerLogDensity = (kTableEntries - 1) / (kLogDensityMax - kLogDensityMin);
-// Spacings over the length scale that are tabulated; beyond, nothing is known between points.
+// Range of tabulated ratios of spacing to length scale; beyond, points are uninformative about the
+// surface between them.
 constexpr float kFirstSpacing = 0.5f, kLastSpacing = 4.0f;
 constexpr float kEntriesPerSpacing = (kTableEntries - 1) / (kLastSpacing - kFirstSpacing);
 constexpr int kRing = kProbesPerTarget - 1;
 
-// Value of evenly spaced entries at `place` (in entries), constant beyond the ends.
+// Interpolates between evenly spaced entries at `place` (in entries); constant beyond the ends.
 template <size_t N>
 float Interpolate(const std::array<float, N>& entries, float place) {
   const float clamped = std::clamp(place, 0.0f, static_cast<float>(N - 1));
@@ -31,8 +32,8 @@ float Interpolate(const std::array<float, N>& entries, float place) {
          (clamped - static_cast<float>(below)) * (entries[below + 1] - entries[below]);
 }
 
-// Place of the measured surface's border when `unseen` of a ring of kRing probes around the target
-// are not seen and the border is straight: an arc of 2 pi unseen / kRing is beyond it.
+// Distance of the target from a straight border of the measured surface, if `unseen` of the kRing
+// probes on the ring around it are not seen: an arc of 2 pi unseen / kRing lies beyond the border.
 double BorderDistance(double ring_radius_m, double unseen) {
   return ring_radius_m * std::cos(std::numbers::pi * unseen / kRing);
 }
@@ -115,7 +116,7 @@ InformationEstimator::InformationEstimator(const TargetSet& targets, const Surfa
   distinct_probes_.assign(targets.size(), 1);
   for (size_t t = 0; t < targets.size(); ++t) {
     for (int k = 1; k < kProbesPerTarget; ++k) {
-      // Near the end of a surface a probe has slid inwards.
+      // Probes nearer to the target have slid inwards, because the surface ends there.
       constexpr double kNearRing = 0.75;
       const float distance_m =
           (probes.positions_m[t * kProbesPerTarget + k] - probes.positions_m[t * kProbesPerTarget])
@@ -155,7 +156,7 @@ void InformationEstimator::Estimate(const ScanInPart& scan, std::span<const Seen
     const Eigen::Vector3f line = n.cross(normal);
     const float columns_per_length = focal * std::abs(line.dot(e) - slope * line.dot(w)) / depth;
     const float points_per_area = columns_per_length / step;
-    // Detection along rows and along columns moves the point by these along the normal.
+    // Displacements along the normal that detection errors along rows and columns cause.
     const float scale = depth / focal;
     const float by_row = scale * normal.dot(e);
     const float by_column = scale * (normal.dot(y) - normal.dot(ray) * n_y / n.dot(ray));
@@ -175,13 +176,13 @@ void InformationEstimator::Estimate(const ScanInPart& scan, std::span<const Seen
     const int unseen = std::popcount(static_cast<uint8_t>(ring & ~(seen[i].probes >> 1)));
     const bool seen_itself = (seen[i].probes & 1) != 0;
     if (unseen > 0 || !seen_itself) {
-      // A target that is seen itself is not beyond the border, however little is seen around it.
+      // A target that is seen itself is never beyond the border.
       constexpr int kOnBorder = kRing / 2 + 1;
       const int counted =
           seen_itself ? std::min(unseen, kOnBorder - 1) : std::max(unseen, kOnBorder);
       log_density = table.AtBorder(static_cast<size_t>(kRing - counted), log_density);
     }
-    // The surface's own end: ln u grows by the cost, linear in ln u itself.
+    // Near the end of the surface, ln u grows by the cost, which is linear in ln u.
     const ExtentCost& cost = extent_costs_[t];
     if (cost[0] > 0 || cost[1] > 0) {
       const float log_variance = table.LogVarianceAt(log_density);
@@ -190,7 +191,7 @@ void InformationEstimator::Estimate(const ScanInPart& scan, std::span<const Seen
           std::clamp((log_variance - levels[0]) / (levels[1] - levels[0]), 0.0f, 1.0f);
       log_density = table.LogDensityFor(log_variance + 2 * (cost[0] + level * (cost[1] - cost[0])));
     }
-    // Frames and columns so far apart that the surface may do something between them.
+    // Frames and columns may be so far apart that the surface can vary between them.
     const float tangential = line.norm();
     const float frames_apart = step / std::max(tangential, 1e-6f);
     const float columns_apart = tangential / std::max(columns_per_length, 1e-6f);

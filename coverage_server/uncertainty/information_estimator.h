@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Information that a scan gives about every target that it sees: the fast estimate.
+// Fast estimate of the information of a scan about every target that it sees.
 //
 // Points of a scan lie on the surface in a grid of frames and columns with the density
 //   rho = |f (t.e - x' t.w) / z| / (step |n.X|)                                     [1/m^2]
@@ -8,7 +8,7 @@
 // variance of its detection (core/triangulation)
 //   sigma^2 = u_px^2 (z/f)^2 [ (N.e)^2 + (N.y - (N.r)(n.y)/(n.r))^2 ].
 // lambda = rho / sigma^2 adds up over scans (core/surface_inference). Other losses (the scan's
-// border, frames too far apart, errors of calibration) are expressed as the density of a full,
+// border, frames too far apart, errors of calibration) are expressed as the density of a complete,
 // dense, well calibrated scan that would leave as much uncertainty. This *equivalent* information
 // density is returned.
 #pragma once
@@ -36,11 +36,11 @@ class InformationTable {
   // `border_distances_m`: how far inside the measured surface a target may lie, ascending.
   InformationTable(const SurfacePrior& prior, std::span<const double> border_distances_m);
 
-  // In the middle of the measured surface.
+  // Log variance in the middle of the measured surface.
   float LogVarianceAt(float log_density) const;
   // Its inverse.
   float LogDensityFor(float log_variance) const;
-  // The density that counts where the measured surface ends at border_distances_m[i].
+  // Effective log density of a target at border_distances_m[i] from the border of the surface.
   float AtBorder(size_t i, float log_density) const;
   // Variance [m^2] that points a spacing [m] apart leave between them (SamplingVariance); 0 for
   // spacings up to half the length scale, where it is below 1e-8 of the prior's.

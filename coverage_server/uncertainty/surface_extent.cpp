@@ -10,8 +10,8 @@
 namespace sightline {
 namespace {
 
-// Spacing of the points over the length scale: half of what leaves something between them, see
-// SamplingVariance.
+// Ratio of point spacing to length scale: half of the spacing at which the surface between points
+// becomes uncertain, see SamplingVariance.
 constexpr double kSpacingRelative = 0.25;
 
 // A triangle seen along the target's normal, in its tangent plane.
@@ -66,7 +66,7 @@ void ComputeExtentCosts(const TriangleMesh& mesh, const TriangleBvh& bvh, const 
     const int reach = static_cast<int>(prior.neighbourhood_m() / spacing_m);
     for (int i = -reach; i <= reach; ++i) {
       for (int j = -reach; j <= reach; ++j) {
-        // Off the target by a third of a spacing, as points of a scan are.
+        // The grid is shifted by a third of a spacing: points of a scan do not lie on the target.
         const Eigen::Vector2d place((i + 1.0 / 3) * spacing_m, (j + 1.0 / 3) * spacing_m);
         if (place.squaredNorm() > prior.neighbourhood_m() * prior.neighbourhood_m()) continue;
         const Eigen::Vector2f p = place.cast<float>();

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Effect of the end of a target's surface on its uncertainty: edges, corners and bends of the part.
 //
-// Only points on surface that faces the target's way inform about it (thesis 3.4.2), so near an
-// edge of the part they lie on one side, and on a thin rib on a strip. The remaining uncertainty
-// does not depend on the scan: it is computed once per target, by inference from points
-// on all of the surface that belongs to it.
+// Only points on surface with a similar normal inform about a target (thesis 3.4.2). Near an edge
+// of the part they lie on one side, and on a thin rib in a strip. This increases the uncertainty
+// independently of the scan. It is computed once per target, by inference from points
+// on all of the surface that belongs to the target.
 #pragma once
 
 #include <array>

@@ -22,7 +22,7 @@ struct TargetPriors {
   double largest_neighbourhood_m() const;
 };
 
-// Resolutions are those of the model, and of the regions that state one.
+// Resolutions come from the model and from the regions that state one.
 TargetPriors MakeTargetPriors(const TargetSet& targets, const TargetSampling& sampling,
                               const UncertaintyModel& model);
 

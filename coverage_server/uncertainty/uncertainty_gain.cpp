@@ -10,7 +10,7 @@ namespace sightline {
 
 namespace {
 
-// Densities that uncertainties need; tolerances are few, targets many.
+// Required densities by uncertainty; cached, because there are few tolerances and many targets.
 class NeededDensities {
  public:
   explicit NeededDensities(const TargetPriors& priors) : priors_(priors) {}

@@ -208,7 +208,7 @@ TriangleMesh Split(const TriangleMesh& mesh, float edge_m) {
   return fine;
 }
 
-// Adds a mesh: colour_at(vertex in the mesh's coordinates), and where place(vertex) puts it.
+// Adds a mesh: colour_at(vertex) in the mesh's coordinates, place(vertex) in those of the picture.
 template <typename ColourAt, typename Place>
 void AddMesh(const TriangleMesh& mesh, const ColourAt& colour_at, const Place& place,
              DrawList& list) {
@@ -251,9 +251,9 @@ void AddBodies(const std::vector<Body>& bodies, const SensorPose& pose, const Co
   }
 }
 
-// From the frame that `pose` is given in to the clip cube of a pinhole there, whose image reaches
-// to the stated tangents. A sensor looks along +z with rows growing along +y, an OpenGL eye along
-// -z with +y up.
+// Transformation from the frame of `pose` to the clip cube of a pinhole camera at `pose`, whose
+// image extends to the tangents `tan_x` and `tan_y`. A sensor looks along +z with rows growing
+// along +y, an OpenGL eye along -z with +y up.
 glm::mat4 ToClip(const SensorPose& pose, double tan_x, double tan_y, double near_m, double far_m) {
   const Eigen::Matrix4d from_sensor = pose.Matrix();
   const glm::dmat4 to_sensor = glm::inverse(glm::make_mat4(from_sensor.data()));
@@ -483,7 +483,7 @@ absl::StatusOr<std::string> RenderView(const CoverageScene& scene, const ViewReq
       all.extend(geometry.camera.origin_m - 0.1 * geometry.camera.z_axis);
       all.extend(geometry.laser.origin_m - 0.1 * geometry.laser.z_axis);
     }
-    // From a stated distance the part is looked at, wherever the sensors are.
+    // With a stated distance the view is centred on the part, without the sensors.
     const Eigen::Vector3d centre = request.distance_m > 0 ? part_bounds.center() : all.center();
     const double radius = 0.5 * all.sizes().norm();
     tan_y = std::tan(0.5 * 30 * std::numbers::pi / 180);

@@ -14,7 +14,7 @@ enum class ViewKind { kFree, kCamera, kCoverage, kMeasurability };
 
 struct ViewRequest {
   ViewKind kind = ViewKind::kFree;
-  // Drawn with camera, laser fan and world axes (kFree), or the camera itself (kCamera: required).
+  // kFree: drawn with camera, laser fan and world axes. kCamera (required): its camera's picture.
   std::optional<Measurement> measurement;
   double stage_m = 0;
   // Viewing direction of kFree, kCoverage, kMeasurability; kFree with a measurement: world frame.

@@ -50,9 +50,9 @@ inline std::atomic<int32_t>* TileStates(FieldJob& job) {
   return reinterpret_cast<std::atomic<int32_t>*>(reinterpret_cast<char*>(&job) + job.tiles);
 }
 
-// Takes tiles as worker `number` (>= 1) until none waits; writes bytes
-// [block][cell][target in block] to `field`. Every tile starts from scratch, so the bytes do not
-// depend on who renders it, nor on whether somebody has begun it before.
+// Renders tiles as worker `number` (>= 1) until none waits; writes bytes
+// [block][cell][target in block] to `field`. Every tile starts from scratch, so its bytes do not
+// depend on the worker, even if another worker had begun it.
 absl::Status RenderFieldTiles(FieldJob& job, uint8_t* field, int32_t number);
 
 }  // namespace sightline

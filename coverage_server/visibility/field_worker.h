@@ -6,8 +6,8 @@
 
 namespace sightline {
 
-// For main(): if this process was started as a field worker, does the work and returns its exit
-// code.
+// To be called by main(). If this process was started as a field worker, does the work and returns
+// the exit code; else nullopt.
 std::optional<int> MaybeRunFieldWorker(int argc, char** argv);
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Probe points around each target: where a measurement point would cover it.
+// Probe points around each target, at places where a measurement point would cover the target.
 #pragma once
 
 #include <Eigen/Core>
@@ -13,8 +13,8 @@
 namespace sightline {
 
 inline constexpr int kProbesPerTarget = 8;
-// A measurement point may lie anywhere in the disc of the coverage radius; probes at this part of
-// it stand for its rim.
+// A measurement point may lie anywhere in the disc of the coverage radius. Probes at this fraction
+// of the radius represent the rim.
 inline constexpr float kProbeRadiusRelative = 0.8f;
 
 // Probe 0 is the target; the others lie on the surface within the coverage radius, on triangles
@@ -25,7 +25,7 @@ struct SurfaceProbes {
   std::vector<Eigen::Vector3f> normals;
 };
 
-// Stops early, with what is of no use, when *cancelled; may be null.
+// Stops early, with an unspecified result, when *cancelled; may be null.
 SurfaceProbes MakeSurfaceProbes(const TriangleMesh& mesh, const TriangleBvh& bvh,
                                 const TargetSet& targets, const TargetSampling& sampling,
                                 const std::atomic<bool>* cancelled = nullptr);

@@ -109,8 +109,8 @@ void GiveTilesBack(FieldJob& job, int32_t worker) {
   }
 }
 
-// Renders all tiles in `processes` processes. One that is killed from outside is replaced, as often
-// as kMostReplacements: a tile that kills its renderers must not do so for ever.
+// Renders all tiles in `processes` processes. A process that is killed is replaced, at most
+// kMostReplacements times, because a tile may be what kills its renderers.
 absl::Status RenderInProcesses(const std::string& program, const WorkerMemory& memory,
                                int processes, const FieldBuildOptions& options, FieldJob& job) {
   constexpr int kMostReplacements = 16;
@@ -130,7 +130,7 @@ absl::Status RenderInProcesses(const std::string& program, const WorkerMemory& m
     return absl::OkStatus();
   };
   for (int i = 0; i < processes; ++i) {
-    // With fewer it takes longer.
+    // With fewer processes the work takes longer, but does not fail.
     if (absl::Status started = start(); !started.ok() && workers.empty()) return started;
   }
   const auto all_done = [&job] {
@@ -141,7 +141,7 @@ absl::Status RenderInProcesses(const std::string& program, const WorkerMemory& m
   };
   int killed = 0;
   while (!workers.empty()) {
-    // The workers are killed with `workers`: their results are not wanted any more.
+    // The destructor of `workers` kills them; their results are not needed any more.
     if (IsCancelled(options.cancelled)) return absl::CancelledError("visibility field");
     if (options.on_progress) {
       options.on_progress(std::min(1.0, static_cast<double>(job.directions_done.load()) / total));
@@ -156,7 +156,7 @@ absl::Status RenderInProcesses(const std::string& program, const WorkerMemory& m
       workers.erase(workers.begin() + static_cast<ptrdiff_t>(i));
       if (WIFEXITED(*state) && WEXITSTATUS(*state) == 0) continue;
       if (!WIFSIGNALED(*state)) {
-        // The mistake would come back. The others end with `workers`.
+        // A retry would fail again. The destructor of `workers` ends the other processes.
         return absl::InternalError("a visibility field worker failed");
       }
       GiveTilesBack(job, number);
@@ -164,7 +164,7 @@ absl::Status RenderInProcesses(const std::string& program, const WorkerMemory& m
         return absl::UnavailableError(absl::StrCat("visibility field workers were killed ", killed,
                                                    " times, at last by signal ", WTERMSIG(*state)));
       }
-      start().IgnoreError();  // the others go on; if there are none, see below
+      start().IgnoreError();  // the others continue; without any, see below
     }
     if (workers.empty() && killed > 0 && !all_done()) {
       SIGHTLINE_RETURN_IF_ERROR(start());
@@ -291,8 +291,8 @@ absl::StatusOr<std::unique_ptr<VisibilityField>> BuildVisibilityField(
   }
   threads.Join();
   if (IsCancelled(options.cancelled)) return absl::CancelledError("visibility field");
-  // Queries jump about in this memory: huge pages save most of their TLB misses, and anonymous
-  // memory gets them where a shared mapping does not.
+  // Queries access this memory at random, so huge pages save most TLB misses. Anonymous memory gets
+  // huge pages; a shared mapping does not.
   void* huge =
       mmap(nullptr, field->bytes(), PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
   if (huge != MAP_FAILED) {
@@ -315,7 +315,7 @@ std::optional<int> MaybeRunFieldWorker(int argc, char** argv) {
       !absl::SimpleAtoi(argv[6], &number) || number < 1) {
     return 2;
   }
-  // OSMesa allocates and frees its buffers every frame: keep them instead of asking the kernel.
+  // OSMesa allocates and frees its buffers every frame: malloc keeps the memory of freed buffers.
   mallopt(M_MMAP_THRESHOLD, 1 << 30);
   mallopt(M_TRIM_THRESHOLD, 1 << 30);
   auto job = MapShared(job_fd, job_bytes);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Directional visibility field: which probes around which target are seen from which direction.
+// Directional visibility field: for every direction, the probes of every target that are seen.
 //
 // For every cell of an octahedral map one orthographic depth image of the part is rendered; every
 // probe is depth-tested in it. A gain query is then two byte look-ups per target instead of two
@@ -25,7 +25,7 @@ namespace sightline {
 inline constexpr int kTargetsPerBlock = 64;
 
 // Bytes [block][cell][target in block]; bit k of a byte: probe k of the target is seen from the
-// cell's direction. Cells below a probe's horizon hold the answer of the nearest direction above
+// cell's direction. Cells below a probe's horizon hold the bit of the nearest direction above
 // it, so that directions just above the horizon do not read a hidden cell.
 class VisibilityField {
  public:
@@ -34,7 +34,7 @@ class VisibilityField {
   const OctahedralMap& map() const { return map_; }
   size_t blocks() const { return blocks_; }
   size_t bytes() const { return blocks_ * map_.cells() * kTargetsPerBlock; }
-  // kTargetsPerBlock bytes.
+  // The kTargetsPerBlock bytes of a block and cell.
   const uint8_t* Row(size_t block, int cell) const {
     return data_.get() + (block * map_.cells() + cell) * kTargetsPerBlock;
   }
@@ -68,11 +68,11 @@ struct FieldBuildOptions {
   const std::atomic<bool>* cancelled = nullptr;
 };
 
-// Depth images come from OSMesa in worker processes: llvmpipe contexts in one process hinder each
-// other. `obstacles` occlude too (part coordinates). Bytes do not depend on `processes`.
-// A worker that is killed is replaced and its unfinished tiles are rendered again; UNAVAILABLE if
-// that happens again and again. CANCELLED; INTERNAL if GL or a worker fails; RESOURCE_EXHAUSTED: no
-// memory or no processes.
+// Worker processes render the depth images by OSMesa, because llvmpipe contexts in one process slow
+// each other down. `obstacles` occlude too (part coordinates). Bytes do not depend on `processes`.
+// A killed worker is replaced and its unfinished tiles are rendered again; UNAVAILABLE: too many
+// workers were killed. CANCELLED; INTERNAL: GL or a worker failed; RESOURCE_EXHAUSTED: no memory or
+// no processes.
 absl::StatusOr<std::unique_ptr<VisibilityField>> BuildVisibilityField(
     const TriangleMesh& part, std::span<const TriangleMesh* const> obstacles,
     const TargetSet& targets, const SurfaceProbes& probes, const FieldBuildOptions& options);

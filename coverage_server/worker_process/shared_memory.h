@@ -18,7 +18,7 @@ namespace sightline {
 // A file in memory, which others map by its descriptor.
 class SharedMemory {
  public:
-  // RESOURCE_EXHAUSTED: there is no more. `name` is for those who look into /proc.
+  // RESOURCE_EXHAUSTED: no memory is left. `name` shows in /proc.
   static absl::StatusOr<SharedMemory> Make(const char* name, size_t bytes);
 
   SharedMemory(SharedMemory&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
@@ -69,7 +69,7 @@ class SharedWriter {
   absl::Status status_;
 };
 
-// Reads data that a SharedWriter has written. Its spans are valid as long as a copy of it.
+// Reads data that a SharedWriter has written. Its spans are valid as long as a copy of it exists.
 class SharedReader {
  public:
   // Maps the whole file. RESOURCE_EXHAUSTED.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Processes of the server's own program that work for it.
+// Worker processes: processes of the server's own program.
 #pragma once
 
 #include <sys/types.h>
@@ -14,15 +14,15 @@
 
 namespace sightline {
 
-// The program beside this one or in SIGHTLINE_BIN_DIR that works for it; empty if there is none.
+// Path of the program for worker processes, beside this one or in SIGHTLINE_BIN_DIR; empty: none.
 std::string WorkerProgram();
 
-// One process, killed if it still runs when this goes: its result is not wanted any more.
+// One process. The destructor kills it if it still runs: its result is not needed any more.
 class WorkerProcess {
  public:
-  // `arguments` without the program; it keeps the descriptors, under their numbers. The thread that
-  // calls must outlive the process: the kernel ends it with that thread, see EndWithParent().
-  // RESOURCE_EXHAUSTED: the system gives no more processes.
+  // `arguments` without the program. The process inherits the descriptors under the same numbers.
+  // The calling thread must outlive the process: the kernel ends the process with that thread, see
+  // EndWithParent(). RESOURCE_EXHAUSTED: no more processes are possible.
   static absl::StatusOr<WorkerProcess> Start(const std::string& program,
                                              std::vector<std::string> arguments,
                                              std::span<const int> descriptors);
@@ -33,7 +33,7 @@ class WorkerProcess {
   }
   ~WorkerProcess();
 
-  // How it ended, as of waitpid(); nothing while it runs.
+  // Status of the ended process, as by waitpid(); nullopt while it runs.
   std::optional<int> Ended();
 
  private:

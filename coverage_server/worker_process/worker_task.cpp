@@ -23,7 +23,7 @@ constexpr char kFlag[] = "--worker-task";
 // Exit codes.
 constexpr int kWrongUse = 2;
 constexpr int kOutOfMemory = 3;
-constexpr int kTaskFailed = 4;  // the status stands where the answer would
+constexpr int kTaskFailed = 4;  // the answer holds the status
 
 absl::Status RunOn(const WorkerTask& task, int input_fd, SharedWriter& answer) {
   SIGHTLINE_ASSIGN_OR_RETURN(SharedReader input, SharedReader::Map(input_fd));
@@ -32,7 +32,7 @@ absl::Status RunOn(const WorkerTask& task, int input_fd, SharedWriter& answer) {
   return status.ok() ? answer.status() : status;
 }
 
-// `state` as of waitpid(), of a process that exited.
+// `state`: status by waitpid() of a process that exited.
 absl::StatusOr<SharedReader> AnswerOf(int state, int answer_fd, const std::string& name) {
   absl::StatusOr<SharedReader> answer = SharedReader::Map(answer_fd);
   if (!answer.ok() || WEXITSTATUS(state) == 0) return answer;
@@ -50,7 +50,7 @@ absl::StatusOr<SharedReader> AnswerOf(int state, int answer_fd, const std::strin
 absl::StatusOr<SharedReader> RunWorkerTask(const std::string& program, const std::string& name,
                                            const SharedMemory& input,
                                            const std::atomic<bool>* cancelled) {
-  // A task that kills its workers must not do so for ever.
+  // The task itself may be what kills its workers, so restarts are limited.
   constexpr int kMostStarts = 3;
   int signal = 0;
   for (int starts = 0; starts < kMostStarts; ++starts) {
@@ -62,7 +62,7 @@ absl::StatusOr<SharedReader> RunWorkerTask(const std::string& program, const std
                              std::array{input.fd(), answer.fd()}));
     std::optional<int> state;
     while (!(state = worker.Ended())) {
-      // The process is killed with `worker`.
+      // The destructor of `worker` kills the process.
       if (cancelled != nullptr && cancelled->load()) return absl::CancelledError(name);
       std::this_thread::sleep_for(std::chrono::milliseconds(5));
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One long call of a library in a process of its own: libraries cannot be cancelled, but a process
+// Runs a long call of a library in a separate process. Libraries cannot be cancelled, but a process
 // can be killed at any moment, and its memory is freed.
 #pragma once
 
@@ -17,18 +17,19 @@ namespace sightline {
 
 struct WorkerTask {
   std::string name;
-  // Reads its input and writes its answer.
+  // Reads the input of the task and writes its answer.
   std::function<absl::Status(SharedReader& input, SharedWriter& answer)> run;
 };
 
-// Runs the task of that name in a process of `program` and gives its answer, to be read from its
-// start; within some 5 ms CANCELLED once *cancelled. The task's own errors; RESOURCE_EXHAUSTED: no
-// memory or no process; UNAVAILABLE: the process was killed from outside, again and again.
+// Runs the task `name` in a process of `program`; returns a reader at the start of its answer.
+// Errors of the task itself; CANCELLED within about 5 ms of *cancelled; RESOURCE_EXHAUSTED: no
+// memory or no process; UNAVAILABLE: the process was killed by a signal three times.
 absl::StatusOr<SharedReader> RunWorkerTask(const std::string& program, const std::string& name,
                                            const SharedMemory& input,
                                            const std::atomic<bool>* cancelled);
 
-// For main(): if this process was started for one of the tasks, does it and returns its exit code.
+// To be called by main(). If this process was started for one of the tasks, runs the task and
+// returns the exit code; else nullopt.
 std::optional<int> MaybeRunWorkerTask(int argc, char** argv, std::span<const WorkerTask> tasks);
 
 }  // namespace sightline

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Names by which a client certificate identifies a client, the same for gRPC and HTTP.
 //
-// RFC 6125 6.4.4: if a certificate has subject alternative names, these alone count, and the common
-// name does not. Without them the common name counts if there is exactly one: of several it is
-// unknown which one the authority checked.
+// RFC 6125 6.4.4: if a certificate has subject alternative names, only these count, not the common
+// name. Without them the common name counts if there is exactly one: among several it is unknown
+// which one the authority has checked.
 #pragma once
 
 #include <openssl/types.h>
@@ -19,7 +19,7 @@ namespace sightline {
 // A certificate whose alternative names cannot be read has no names.
 std::vector<std::string> CertificateNames(const X509* certificate);
 
-// As above, of the first certificate of a PEM text; empty if it has none.
+// The same for the first certificate of a PEM text; empty if the text has none.
 std::vector<std::string> CertificateNamesOfPem(std::string_view pem);
 
 }  // namespace sightline

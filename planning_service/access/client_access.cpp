@@ -57,7 +57,7 @@ struct FileContent {
 };
 
 absl::StatusOr<FileContent> ReadFile(const std::string& file) {
-  // Not blocking: a pipe in the file's place must not hold up every call.
+  // O_NONBLOCK: a pipe in place of the file must not hold up every call.
   const int fd = open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (fd < 0) return CannotRead(file, errno);
   FileContent content;
@@ -83,8 +83,8 @@ absl::StatusOr<FileContent> ReadFile(const std::string& file) {
   return content;
 }
 
-// The client whose token it is. Every client is compared, and every comparison takes the same time,
-// so that the time of an answer does not depend on tokens.
+// The client with this token. Every client is compared, and every comparison takes the same time,
+// so that the time of an answer does not depend on the token.
 const Client* ClientOfToken(const KnownClients& known, const std::string& token) {
   const TokenDigest digest = DigestOfToken(token);
   const TokenDigest none{};
@@ -139,7 +139,7 @@ class FileClientAccess final : public ClientAccess {
   }
 
  private:
-  // The clients that the file names, read anew if it changed.
+  // The clients that the file names; reads the file again if it has changed.
   std::shared_ptr<const KnownClients> Current() {
     std::lock_guard lock(mutex_);
     const auto now = std::chrono::steady_clock::now();
@@ -147,7 +147,7 @@ class FileClientAccess final : public ClientAccess {
     checked_ = now;
     struct stat info {};
     if (stat(file_.c_str(), &info) != 0) {
-      // Once, not every second.
+      // The warning is logged once, not every second.
       if (version_ != FileVersion{}) Warn(std::strerror(errno));
       version_ = FileVersion{};
       return known_;
@@ -173,7 +173,7 @@ class FileClientAccess final : public ClientAccess {
 
   const std::string file_;
   std::mutex mutex_;
-  FileVersion version_;  // of what was read last, right or wrong
+  FileVersion version_;  // of the contents read last, right or wrong
   std::shared_ptr<const KnownClients> known_;
   std::chrono::steady_clock::time_point checked_;
 };

@@ -13,11 +13,11 @@
 
 namespace sightline {
 
-// How a peer shows who it is.
+// The credentials that a peer presents.
 struct PeerCredentials {
-  // Names of a client certificate that TLS has verified: certificate_names.h.
+  // Names of the client certificate, verified by TLS (certificate_names.h).
   std::vector<std::string> certificate_names;
-  // From "Authorization: Bearer TOKEN"; empty: none.
+  // Token of the header "Authorization: Bearer TOKEN"; empty: none.
   std::string bearer_token;
 };
 
@@ -32,19 +32,19 @@ struct Client {
   bool MayAsk(const std::string& kind) const;
 };
 
-// Thread-safe. Reads its file anew when it changed; keeps what it had, with a warning in the log,
-// when the new one is wrong.
+// Thread-safe. Reads its file again when it has changed. If the new contents are wrong, logs a
+// warning and keeps the old ones.
 class ClientAccess {
  public:
   virtual ~ClientAccess() = default;
-  // UNAUTHENTICATED, reason CREDENTIALS_UNKNOWN; the message never says how near a token was.
+  // UNAUTHENTICATED, reason CREDENTIALS_UNKNOWN; the message never says how close a token was.
   virtual absl::StatusOr<Client> Identify(const PeerCredentials& peer) = 0;
-  // Quota by the name of a client, for the queue; defaults for one that is not in the file any
-  // more.
+  // Quota of the client of that name, for the queue; the defaults if the file does not name the
+  // client any more.
   virtual ClientQuota QuotaOf(const std::string& client) = 0;
 };
 
-// Everybody is the client "local", an operator. For addresses that only this machine reaches.
+// Identifies every peer as the operator "local". For addresses that only this machine reaches.
 std::unique_ptr<ClientAccess> AllowEverybody();
 // INVALID_ARGUMENT names file, field and reason; NOT_FOUND names the file.
 absl::StatusOr<std::unique_ptr<ClientAccess>> ReadClientAccess(const std::string& file);

@@ -26,7 +26,7 @@ constexpr int64_t kMaxBytes = 1'000'000'000'000'000;
 const char* const kKinds[] = {"plan",   "evaluate", "inspect", "accept",
                               "optics", "render",   "verify",  "diagnose"};
 
-// The parser quotes the wrong text, which may be a token in the file.
+// The parser quotes the text that is wrong, which may be a token.
 std::string WithoutSecrets(const std::string& message) {
   for (const char* quoted : {"; last read:", "token_sha256: is "}) {
     const size_t found = message.find(quoted);
@@ -86,7 +86,7 @@ class Reader {
           absl::StrCat("is \"", absl::CEscape(client.name.substr(0, kMaxNameBytes)),
                        "\", must be 1 to ", kMaxNameBytes, " letters, digits, '.', '_' or '-'"));
     }
-    // From here on an entry has a name that people know it by.
+    // The entry has a valid name, so messages can use it.
     const std::string who = absl::StrCat(path, " (", client.name, ")");
     for (const Client& other : known_.clients) {
       if (other.name == client.name) {

@@ -28,7 +28,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr size_t kBlockBytes = 1 << 20;
-// Files of which is remembered that they were checked; some 20 MB.
+// Number of files that are remembered as checked; takes about 20 MB.
 constexpr size_t kMostChecked = 100'000;
 constexpr int64_t kMaxReadBytes = int64_t{64} << 20;
 constexpr absl::Duration kMaxIncomingAge = absl::Hours(24);
@@ -101,7 +101,7 @@ int WriteAll(int fd, const char* bytes, size_t size) {
   return 0;
 }
 
-// Names in the folder are on disk after this, not only the files' bytes.
+// Flushes the names in the folder to disk; fsync of a file flushes only its bytes.
 absl::Status FlushFolder(const std::string& folder) {
   const FileDescriptor fd(open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (!fd.is_open()) return FileError(errno, folder, "cannot be opened");
@@ -189,14 +189,14 @@ absl::StatusOr<FileDescriptor> Lock(const std::string& folder, const char* name,
   return fd;
 }
 
-// Held while a file gets its name (shared) or is removed (alone): else a file that has just come in
-// could be removed for the age of the one before it.
+// Held while a file gets its name (shared) or is removed (exclusive). Without it a new file could
+// be removed because of the age of the file that it replaces.
 absl::StatusOr<FileDescriptor> LockNames(const std::string& folder, int operation) {
   return Lock(folder, kLockFile, operation);
 }
 
-// The file system's clock: that of a server of files may be another one than ours. Takes no room,
-// so that a full disk can be cleared.
+// The time by the file system's clock, which on a file server may differ from ours. Needs no disk
+// space, so that old files can be removed from a full disk.
 absl::StatusOr<absl::Time> FileTimeNow(const std::string& folder) {
   const std::string path = absl::StrCat(folder, "/", kLockFile);
   const FileDescriptor fd(open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600));
@@ -236,7 +236,7 @@ struct ArtefactWriter::Impl {
 
   // Flushes the file and gives it its name.
   absl::Status Keep(const std::string& name) {
-    // Jobs and people only read it. The time of its name is its age.
+    // The file is read-only from now on. Its age counts from the moment at which it gets its name.
     if (fchmod(fd.get(), 0400) != 0 || futimens(fd.get(), nullptr) != 0) {
       return FileError(errno, path, "cannot be changed");
     }
@@ -248,8 +248,8 @@ struct ArtefactWriter::Impl {
     const std::string target_folder = fs::path(target).parent_path().string();
     SIGHTLINE_RETURN_IF_ERROR(MakeFolder(target_folder));
     SIGHTLINE_ASSIGN_OR_RETURN(const auto lock, LockNames(folder, LOCK_SH));
-    // A file that is there already is replaced: its age is then that of this one, and damage to it
-    // is mended.
+    // A file that exists already is replaced, which renews its age and repairs possible damage of
+    // its bytes.
     if (rename(path.c_str(), target.c_str()) != 0) {
       return FileError(errno, target, "cannot be made");
     }
@@ -282,7 +282,7 @@ absl::Status ArtefactWriter::Write(const std::string& bytes) {
 
 void ArtefactWriter::DiscardBytes() {
   impl_->discarded = true;
-  // The file goes with this object if its blocks cannot be given back at once.
+  // If its blocks cannot be freed now, the destructor removes the file.
   if (impl_->fd.is_open() && ftruncate(impl_->fd.get(), 0) != 0) return;
 }
 
@@ -412,7 +412,7 @@ absl::StatusOr<std::string> ArtefactStore::CheckedPath(const std::string& digest
   if (actual.sha256 != digest) {
     return absl::DataLossError(absl::StrCat(path, ": is damaged: its digest is ", actual.sha256));
   }
-  // A change within one tick of the file system's clock would keep the time of change.
+  // Two changes within one tick of the file system's clock have the same time of change.
   if (absl::Now() - absl::TimeFromTimespec(info.st_mtim) < absl::Seconds(1)) return path;
   std::lock_guard lock(checked_mutex_);
   if (checked_.size() >= kMostChecked) checked_.clear();
@@ -428,7 +428,7 @@ absl::Status ArtefactStore::Materialise(const std::string& digest, const std::st
   std::error_code error;
   if (!parent.empty()) fs::create_directories(parent, error);
   if (error) return FileError(error.value(), parent.string(), "cannot be made");
-  // A file under its name is complete, even if an ended process left temporary files.
+  // Written under a temporary name first, so that a file under its name is complete.
   std::string part = absl::StrCat(path, ".XXXXXX");
   SIGHTLINE_ASSIGN_OR_RETURN(auto target, NewTemporary(&part));
   const auto copied = Copy(source.get(), stored, target.get(), part);
@@ -458,7 +458,7 @@ absl::StatusOr<int64_t> ArtefactStore::RemoveAllBut(const std::set<std::string>&
                                                     absl::Duration min_age) {
   const auto alone = Lock(folder_, kHoldFile, LOCK_EX | LOCK_NB);
   if (absl::IsAborted(alone.status())) return 0;
-  // On a disk too full for even the lock's file, removal is still allowed.
+  // Removal is allowed even if the disk is too full for the lock file.
   if (!alone.ok() && !absl::IsResourceExhausted(alone.status())) return alone.status();
   SIGHTLINE_ASSIGN_OR_RETURN(const auto now, FileTimeNow(folder_));
   int64_t freed_bytes = 0;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Files by the SHA-256 of their bytes, in a folder.
+// Stores files in a folder, each under the SHA-256 of its bytes.
 //
-// A file is written under another name, flushed to disk and renamed: under its digest it is
-// complete or not there. Several processes may share the folder.
+// A file is written under a temporary name, flushed to disk and renamed, so that a file under its
+// digest is always complete. Several processes may share the folder.
 #pragma once
 
 #include <cstdint>
@@ -21,7 +21,7 @@ namespace sightline {
 
 class ArtefactStore;
 
-// A file on its way in. Removed if it is not committed.
+// Writes a new file. Its destructor removes the file if it was not committed.
 class ArtefactWriter {
  public:
   ~ArtefactWriter();
@@ -31,13 +31,13 @@ class ArtefactWriter {
   // RESOURCE_EXHAUSTED, reason DISK_FULL.
   absl::Status Write(const std::string& bytes);
   int64_t size_bytes() const { return size_bytes_; }
-  // From now on bytes count for the digest only, and those on disk are given back. No Commit after
-  // it.
+  // Frees the disk space of the bytes so far; bytes written afterwards count for the digest only.
+  // Commit then fails.
   void DiscardBytes();
-  // The digest of all bytes; nothing can be written after it. With `expected_digest` not empty:
-  // INVALID_ARGUMENT, reason DIGEST_MISMATCH, if the bytes have another one.
+  // The digest of all bytes; Write must not be called afterwards. INVALID_ARGUMENT, reason
+  // DIGEST_MISMATCH: `expected_digest` is not empty and differs from the digest.
   absl::StatusOr<std::string> Digest(const std::string& expected_digest);
-  // Gives the file its name and returns its digest; errors as of Digest.
+  // Gives the file its final name and returns its digest. Errors as for Digest.
   absl::StatusOr<std::string> Commit(const std::string& expected_digest);
 
  private:
@@ -48,8 +48,8 @@ class ArtefactWriter {
   int64_t size_bytes_ = 0;
 };
 
-// As long as it lives no process removes files from the folder; the kernel lets go of it however
-// its process ends.
+// While it exists, no process removes files from the folder. The kernel releases it when its
+// process ends, even by a crash.
 class ArtefactHold {
  public:
   ~ArtefactHold();
@@ -65,14 +65,14 @@ class ArtefactHold {
 // Thread-safe.
 class ArtefactStore {
  public:
-  // Makes the folder; removes half-written files of earlier processes that are more than a day old
-  // by file times. `reserve_bytes`: free space of the disk below which nothing is taken in.
+  // Makes the folder; removes unfinished files of earlier processes that are older than a day by
+  // their file times. `reserve_bytes`: no file is accepted when the disk has less free space.
   static absl::StatusOr<std::unique_ptr<ArtefactStore>> Open(const std::string& folder,
                                                              int64_t reserve_bytes);
 
   // RESOURCE_EXHAUSTED, reason DISK_FULL.
   absl::StatusOr<std::unique_ptr<ArtefactWriter>> NewFile();
-  // Takes a copy of a file (a link where the file system can) and returns digest and size.
+  // Stores a copy of a file (sharing blocks if the file system can) and returns digest and size.
   struct Added {
     std::string digest;
     int64_t size_bytes = 0;
@@ -82,30 +82,30 @@ class ArtefactStore {
   bool Has(const std::string& digest) const;
   // Digests of all complete files.
   std::set<std::string> Digests() const;
-  // NOT_FOUND; a `digest` that is none is NOT_FOUND too.
+  // NOT_FOUND: no such file, or `digest` is not a digest.
   absl::StatusOr<std::string> Path(const std::string& digest) const;
-  // As Path, with the digest of the bytes on disk checked: DATA_LOSS if they are others. A file
-  // that was checked is read again only when its inode, time of change or size is another.
+  // As Path, but checks the bytes on disk; DATA_LOSS: their digest is another one. A file that was
+  // checked is read again only if its inode, time of change or size has changed.
   absl::StatusOr<std::string> CheckedPath(const std::string& digest) const;
-  // Up to `limit` bytes from `offset` on; empty at the end. DATA_LOSS is not checked here.
+  // Up to `limit` bytes from `offset` on; empty at the end. Does not check the digest.
   absl::StatusOr<std::string> Read(const std::string& digest, int64_t offset, int64_t limit) const;
-  // Puts the file at `path` for a job to read: as a copy that the job may not change. Checks the
-  // digest: DATA_LOSS if the bytes on disk are others.
+  // Copies the file to `path`, read-only, for a job. DATA_LOSS: the digest of the bytes on disk is
+  // another one.
   absl::Status Materialise(const std::string& digest, const std::string& path) const;
 
-  // Removes files that `keep` does not name and that were not touched for `min_age` of file times
-  // (they may belong to a job that is being created). Returns bytes freed: none while there is a
-  // hold.
+  // Removes files that `keep` does not name and whose file times are older than `min_age` (younger
+  // ones may belong to a job that is being created). Returns the bytes freed; removes nothing while
+  // an ArtefactHold exists.
   absl::StatusOr<int64_t> RemoveAllBut(const std::set<std::string>& keep, absl::Duration min_age);
-  // Waits until a removal that is under way has ended.
+  // Waits until a removal that is under way has ended, then blocks further ones.
   absl::StatusOr<std::unique_ptr<ArtefactHold>> Hold();
 
-  // Whether the disk has more than the reserve.
+  // True if the disk has more free space than the reserve.
   bool HasRoom() const;
 
  private:
   ArtefactStore(std::string folder, int64_t reserve_bytes);
-  // A file at the time when its digest was checked.
+  // State of a file at the time of the check of its digest.
   struct Checked {
     uint64_t inode = 0;
     int64_t changed_ns = 0;

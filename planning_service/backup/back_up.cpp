@@ -26,15 +26,15 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr char kDatabase[] = "jobs.sqlite";
-// Empty file in a backup without a database.
+// Name of an empty file that marks a backup without a database.
 constexpr char kBackupMark[] = "backup-of-files";
 
 std::string In(const std::string& folder, const char* name) {
   return absl::StrCat(folder, "/", name);
 }
 
-// True for a folder with files and none of a backup or a data folder. A file system's own folder
-// does not count.
+// True if the folder has files but is neither a backup nor a data folder. Folders that belong to
+// the file system itself do not count.
 bool HoldsOtherFiles(const std::string& folder) {
   std::error_code error;
   bool others = false;
@@ -58,7 +58,7 @@ absl::Status CheckFolders(const std::string& data_folder, const std::string& bac
     return absl::FailedPreconditionError(
         absl::StrCat(backup_folder, ": is the data folder itself"));
   }
-  // The service removes unknown files there, and a copy would contain itself.
+  // The service removes unknown files in its folder, and the backup would contain itself.
   if (std::mismatch(data.begin(), data.end(), backup.begin(), backup.end()).first == data.end()) {
     return absl::FailedPreconditionError(
         absl::StrCat(backup_folder, ": lies inside the data folder ", data_folder,
@@ -96,8 +96,8 @@ bool HaveJobInCommon(PlanningJobStore* one, PlanningJobStore* other) {
   }
 }
 
-// Whether the database of `backup_folder`, which exists, may be replaced by the `copy` of another:
-// only an earlier backup of the same jobs may.
+// Checks that `copy` may replace the existing `database` in the backup folder, which must be an
+// earlier backup of the same jobs.
 absl::Status CheckReplaceable(const std::string& database, const std::string& copy) {
   const std::string folder = fs::path(database).parent_path().string();
   SIGHTLINE_ASSIGN_OR_RETURN(const auto theirs, ReadSqliteIdentity(database));
@@ -114,7 +114,7 @@ absl::Status CheckReplaceable(const std::string& database, const std::string& co
         absl::StrCat(folder, ": holds the backup of another service (", theirs->identity, ", not ",
                      ours->identity, "); nothing was changed. Choose another folder"));
   }
-  // One of the two is of an older version, which made no identities.
+  // One of the two databases has no identity: an older version made it.
   SIGHTLINE_ASSIGN_OR_RETURN(const auto target, OpenSqliteJobStore(database));
   PlanningJobFilter any;
   any.limit = 1;
@@ -133,10 +133,10 @@ void RemoveDatabase(const std::string& file) {
   for (const char* suffix : {"", "-wal", "-shm", ".lock"}) fs::remove(file + suffix, error);
 }
 
-// Gives the copied database its name, for good.
+// Gives the copied database its final name, durably.
 absl::Status Conclude(const std::string& copy, const std::string& database) {
   std::error_code error;
-  // These files belong to the database before, which no process has open.
+  // These files belong to the replaced database, which no process has open.
   for (const char* suffix : {"-wal", "-shm"}) fs::remove(database + suffix, error);
   if (std::rename(copy.c_str(), database.c_str()) != 0) {
     return absl::ErrnoToStatus(errno, absl::StrCat(database, ": cannot be made"));
@@ -166,7 +166,7 @@ absl::StatusOr<BackupReport> BackUp(const std::string& data_folder,
   const std::string database = In(backup_folder, kDatabase);
   const std::string copy = absl::StrCat(database, ".new");
   std::set<std::string> named;
-  std::unique_ptr<SqlDatabase> earlier;  // open, so that no service begins to work with it
+  std::unique_ptr<SqlDatabase> earlier;  // kept open, so that no service starts on it
   if (only_files) {
     std::error_code error;
     if (fs::exists(database, error)) {
@@ -175,7 +175,7 @@ absl::StatusOr<BackupReport> BackUp(const std::string& data_folder,
                        ": holds a database, and --only-files would take away the"
                        " files that it names. Choose another folder"));
     }
-    // A service makes the folder "work". Backups of older versions have neither.
+    // The folder "work" shows that a service has run here. Backups of older versions have neither.
     if (fs::exists(In(backup_folder, "work"), error) &&
         !fs::exists(In(backup_folder, kBackupMark), error)) {
       return absl::FailedPreconditionError(

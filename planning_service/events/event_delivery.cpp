@@ -17,9 +17,9 @@ namespace {
 using SteadyClock = std::chrono::steady_clock;
 
 constexpr int kEventsAtATime = 100;
-// A stop is noticed after it: the store's waiting cannot be interrupted.
+// A wait of the store cannot be interrupted, so a stop takes effect after at most this time.
 constexpr absl::Duration kLongestStoreWait = absl::Milliseconds(50);
-// How soon a process takes over when the one that held a receiver is gone.
+// Time after which a process takes over a receiver whose holder is gone.
 constexpr absl::Duration kHoldInterval = absl::Milliseconds(500);
 constexpr std::chrono::seconds kReadyInterval{5};
 
@@ -104,7 +104,7 @@ absl::Status EventDelivery::Step(Lane* lane) {
   const std::string& name = lane->state.name;
   if (!lane->cursor) {
     const absl::StatusOr<int64_t> cursor = store_->EventCursor(name);
-    // A store's FAILED_PRECONDITION must not pass for the receiver's.
+    // FAILED_PRECONDITION of the store must not be taken for that of the receiver.
     if (!cursor.ok()) return absl::UnavailableError(cursor.status().message());
     lane->cursor = *cursor;
   }
@@ -132,7 +132,7 @@ absl::Status EventDelivery::Step(Lane* lane) {
   for (const JobEvent& event : *events) {
     if (stopped_ || !store_->HoldsReceiver(name)) return absl::OkStatus();
     SIGHTLINE_RETURN_IF_ERROR(receiver.Deliver(event));
-    // Kept here too: while the store does not answer, delivered events are not delivered again.
+    // The cursor is kept here too, so that events are not repeated while the store does not answer.
     lane->cursor = event.sequence;
     lane->cursor_is_saved = false;
     {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Brings every job event to every receiver: in order, at least once, through restarts.
+// Delivers every job event to every receiver, in order and at least once, also across restarts.
 #pragma once
 
 #include <atomic>
@@ -18,11 +18,11 @@
 namespace sightline {
 
 struct EventDeliveryOptions {
-  // After the n-th failure in a row: between half and all of 2^n times the first, but no more than
-  // the longest.
+  // Delay after the n-th failure in a row: a random fraction in [1/2, 1] of
+  // min(2^n first_retry_delay, longest_retry_delay).
   absl::Duration first_retry_delay = absl::Seconds(1);
   absl::Duration longest_retry_delay = absl::Minutes(5);
-  // Seed of the random part of the times between attempts.
+  // Seed of the random fractions of the delays.
   uint64_t seed = 1;
 };
 
@@ -30,17 +30,17 @@ struct ReceiverState {
   std::string name;
   int64_t delivered_events = 0;  // since the start
   bool is_failing = false;
-  bool has_ended = false;  // it wants no events any more
+  bool has_ended = false;  // the receiver wants no more events
 };
 
-// A thread per receiver, so that none waits for another. Delivers only while this process holds the
-// receiver (PlanningJobStore::HoldsReceiver). Thread-safe.
+// Has one thread per receiver, so that no receiver waits for another. Delivers only while this
+// process holds the receiver (PlanningJobStore::HoldsReceiver). Thread-safe.
 class EventDelivery {
  public:
   // Names of receivers must differ. `store` must outlive it.
   EventDelivery(PlanningJobStore* store, std::vector<std::unique_ptr<EventReceiver>> receivers,
                 EventDeliveryOptions options = {});
-  // Stops, then lets the receivers say goodbye.
+  // Stops, then destroys the receivers, which may send a last message.
   ~EventDelivery();
 
   // Returns within 100 ms. Undelivered events are delivered after the next start.
@@ -60,7 +60,7 @@ class EventDelivery {
   PlanningJobStore* const store_;
   const EventDeliveryOptions options_;
   std::atomic<bool> stopped_ = false;
-  mutable std::mutex mutex_;  // guards states of lanes
+  mutable std::mutex mutex_;  // guards the states of the lanes
   std::condition_variable stop_;
   std::vector<std::unique_ptr<Lane>> lanes_;
 };

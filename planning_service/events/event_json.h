@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A job event as receivers get it.
+// The JSON form of a job event for receivers.
 #pragma once
 
 #include <string>

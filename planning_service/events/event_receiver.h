@@ -9,23 +9,23 @@
 
 namespace sightline {
 
-// All but Interrupt is called by one thread at a time.
+// One thread at a time calls the methods; Interrupt may be called at any time.
 class EventReceiver {
  public:
   virtual ~EventReceiver() = default;
 
-  // Name under which the store keeps the receiver's position in the events: the same after every
-  // start, another for every receiver. Holds no secrets.
+  // Name under which the store keeps the receiver's position in the events. It is unique, stays the
+  // same across restarts and holds no secrets.
   virtual std::string name() = 0;
-  // OK: the receiver has the event and answers for it. FAILED_PRECONDITION: it wants no events any
-  // more. All else is tried again, so that it may get an event twice. Takes no longer than half a
-  // minute.
+  // OK: the receiver has accepted the event. FAILED_PRECONDITION: it wants no more events. After
+  // any other error the caller tries again, so the receiver may get an event twice. Takes at most
+  // half a minute.
   virtual absl::Status Deliver(const JobEvent& event) = 0;
-  // Called every few seconds while there is nothing to deliver: restores a connection that broke.
-  // Errors as of Deliver.
+  // Called every few seconds while there is nothing to deliver. Restores a broken connection.
+  // Errors as for Deliver.
   virtual absl::Status KeepReady() { return absl::OkStatus(); }
-  // From any thread: Deliver and KeepReady return within 50 ms, now and from now on, with any error
-  // if they were not done.
+  // May be called from any thread. Running and later calls of Deliver and KeepReady then return
+  // within 50 ms, with an error if they could not finish.
   virtual void Interrupt() = 0;
 };
 

@@ -41,8 +41,8 @@ std::string ReasonText(int code) {
 }
 
 // Makes a client that never connects and is never destroyed, so that no other client is the last
-// one. With the last client Paho 1.3.12 ends its two threads (MQTTAsync_terminate). It then frees
-// the buffer of its trace, though the threads may still write there that they return.
+// one. With its last client Paho 1.3.12 ends its two threads (MQTTAsync_terminate) and frees its
+// trace buffer, although the threads may still write to it when they return.
 void KeepThreadsOfPaho() {
   static const MQTTAsync kept = [] {
     MQTTAsync client = nullptr;
@@ -55,7 +55,7 @@ void KeepThreadsOfPaho() {
 
 }  // namespace
 
-// Something that happens once, in a thread of Paho.
+// An event that happens once, in a thread of Paho.
 class MqttConnection::Signal {
  public:
   void Set(bool good, const std::string& reason) {
@@ -98,8 +98,8 @@ class MqttConnection::Signal {
   std::string detail_;
 };
 
-// Paho may call back while, or after, its client is destroyed: it gets numbers, not pointers, and
-// unknown numbers are ignored.
+// Paho may call back while its client is destroyed or later. Therefore it gets numbers instead of
+// pointers, and unknown numbers are ignored.
 class MqttConnection::Registration {
  public:
   Registration() {
@@ -116,7 +116,7 @@ class MqttConnection::Registration {
 
   Signal& signal() { return *signal_; }
   void* context() const {
-    // It is looked up, never followed.
+    // The pointer holds a number that is looked up; it is never dereferenced.
     return reinterpret_cast<void*>(number_);  // NOLINT(performance-no-int-to-ptr)
   }
 
@@ -200,7 +200,7 @@ absl::Status MqttConnection::Await(Signal& done, const std::string& what, absl::
 absl::Status MqttConnection::Connect(const MqttSettings& settings, absl::Duration timeout) {
   is_connected_ = false;
   KeepThreadsOfPaho();
-  // A new client for every attempt has no state of the one before.
+  // Every attempt gets a new client, without state of an earlier attempt.
   if (client_ != nullptr) MQTTAsync_destroy(&client_);
   const int created =
       MQTTAsync_create(&client_, settings.uri.c_str(), settings.client_id.c_str(),
@@ -271,7 +271,7 @@ absl::Status MqttConnection::Publish(const std::string& topic, const std::string
     return absl::UnavailableError(absl::StrCat(what, ": ", ReasonText(asked)));
   }
   absl::Status status = Await(published.signal(), what, timeout, even_if_interrupted);
-  // A broker that does not answer is left, and the message is sent again over another connection.
+  // If the broker does not answer, the message is sent again over a new connection.
   if (absl::IsUnavailable(status)) is_connected_ = false;
   return status;
 }

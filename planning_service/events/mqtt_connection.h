@@ -17,7 +17,7 @@ struct MqttSettings {
   std::string client_id;
   std::string user;      // empty: none
   std::string password;  // of the user; empty: none
-  // PEM files. Of who signed the broker's certificate (empty: the system's), and our own.
+  // PEM files: the authorities of the broker (empty: the system's), our certificate and its key.
   std::string ca_file;
   std::string certificate_file;
   std::string key_file;
@@ -26,7 +26,7 @@ struct MqttSettings {
   std::string will_payload;
 };
 
-// One thread at a time may call it. Waiting calls give up within 50 ms once `interrupted` is true.
+// Not thread-safe. Waiting calls end within 50 ms once `interrupted` is true.
 class MqttConnection {
  public:
   explicit MqttConnection(const std::atomic<bool>& interrupted);
@@ -34,12 +34,12 @@ class MqttConnection {
   MqttConnection(const MqttConnection&) = delete;
   MqttConnection& operator=(const MqttConnection&) = delete;
 
-  // Drops an earlier connection. UNAVAILABLE with the reason, CANCELLED.
+  // Replaces an earlier connection. UNAVAILABLE with the reason; CANCELLED.
   absl::Status Connect(const MqttSettings& settings, absl::Duration timeout);
-  // Whether neither end has broken the connection, as far as is known.
+  // False once either end has closed the connection, as far as this is known.
   bool IsConnected() const;
-  // With quality of service 1: OK once the broker has it. UNAVAILABLE, CANCELLED; the broker may
-  // have it all the same. `even_if_interrupted`: waits for the whole timeout.
+  // Publishes with quality of service 1. OK: the broker has the message. UNAVAILABLE, CANCELLED:
+  // the broker may have it or not. `even_if_interrupted`: waits for the whole timeout.
   absl::Status Publish(const std::string& topic, const std::string& payload, bool retained,
                        absl::Duration timeout, bool even_if_interrupted = false);
 
@@ -48,8 +48,8 @@ class MqttConnection {
   class Registration;
   struct Callbacks;
 
-  // OK once `done` came well; UNAVAILABLE when it came badly, the connection was lost or time is
-  // up.
+  // OK: `done` reports success. UNAVAILABLE: it reports failure, the connection was lost, or the
+  // timeout is over.
   absl::Status Await(Signal& done, const std::string& what, absl::Duration timeout,
                      bool even_if_interrupted) const;
 

@@ -29,7 +29,7 @@ constexpr size_t kMaxPrefixBytes = 200;
 constexpr absl::Duration kResolveTimeout = absl::Seconds(5);
 constexpr absl::Duration kConnectTimeout = absl::Seconds(10);
 constexpr absl::Duration kPublishTimeout = absl::Seconds(5);
-// The broker sets the status by itself if this does not reach it: the connection just ends then.
+// If the message does not arrive in this time, the broker sets the status when the connection ends.
 constexpr absl::Duration kGoodbyeTimeout = absl::Milliseconds(200);
 
 struct Credentials {
@@ -85,7 +85,7 @@ class MqttReceiver final : public EventReceiver {
     const bool is_v6 = absl::StrContains(url_.host, ":");
     settings_.uri = absl::StrCat(is_tls ? "ssl://" : "tcp://", is_v6 ? "[" : "", url_.host,
                                  is_v6 ? "]" : "", ":", url_.port);
-    // The same after a restart, so that the broker ends the connection before.
+    // The id stays the same across restarts, so that the broker ends the earlier connection.
     settings_.client_id = absl::StrCat("sightline-", ShortDigest(options_.topic_prefix));
     settings_.ca_file = options_.ca_file;
     settings_.certificate_file = options_.certificate_file;
@@ -113,8 +113,8 @@ class MqttReceiver final : public EventReceiver {
     SIGHTLINE_ASSIGN_OR_RETURN(Credentials credentials, ReadCredentials(options_.credentials_file));
     settings_.user = credentials.user;
     settings_.password = credentials.password;
-    // Paho looks names up with a lock that all its clients need: only names that are known to be
-    // answered.
+    // Paho holds a lock that all its clients need while it looks up a name. So it only gets names
+    // that are known to resolve.
     SIGHTLINE_RETURN_IF_ERROR(CheckHostResolves(url_.host, kResolveTimeout, interrupted_));
     SIGHTLINE_RETURN_IF_ERROR(connection_.Connect(settings_, kConnectTimeout));
     return connection_.Publish(StatusTopic(), kOnline, /*retained=*/true, kPublishTimeout);

@@ -11,16 +11,16 @@
 namespace sightline {
 
 struct MqttOptions {
-  // ssl://HOST[:PORT] or mqtts://…; tcp://HOST[:PORT] or mqtt://… to this machine alone, unless
-  // plain text is allowed. Default ports 8883 and 1883.
+  // ssl://HOST[:PORT] or mqtts://…; tcp://HOST[:PORT] or mqtt://… only to this machine, unless
+  // plain text is allowed. Default ports 8883 (TLS) and 1883.
   std::string url;
-  // First part of all topics, one for every service at a broker: 1 to 200 bytes without '+' and
-  // '#', not beginning or ending with '/'.
+  // First part of all topics; each service at a broker needs its own. 1 to 200 bytes without '+'
+  // and '#', not beginning or ending with '/'.
   std::string topic_prefix = "sightline";
-  // File of two lines, user name and password. Read anew for every connection. Empty: environment
-  // variables SIGHTLINE_MQTT_USER and SIGHTLINE_MQTT_PASSWORD, if they are set.
+  // File of two lines, user name and password; read for every connection. Empty: the environment
+  // variables SIGHTLINE_MQTT_USER and SIGHTLINE_MQTT_PASSWORD count, if they are set.
   std::string credentials_file;
-  // PEM. Of who signed the broker's certificate (empty: the system's), and our own certificate.
+  // PEM files: the authorities of the broker (empty: the system's), our certificate and its key.
   std::string ca_file;
   std::string certificate_file;
   std::string key_file;

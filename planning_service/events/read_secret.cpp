@@ -21,7 +21,7 @@ absl::StatusOr<std::string> ReadSecret(const std::string& option, const std::str
   const auto error = [&](const std::string& reason) {
     return absl::InvalidArgumentError(absl::StrCat(option, " ", file, ": ", reason));
   };
-  // Not blocking: the file may be a pipe without a writer.
+  // O_NONBLOCK: the file may be a pipe without a writer.
   const int fd = open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (fd < 0) return error(absl::StrCat("cannot be read: ", std::strerror(errno)));
   struct stat info {};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Secrets come from files, never from a command line that every user of the machine can read.
+// Reads secrets from files. Every user of the machine can read command lines.
 #pragma once
 
 #include <string>

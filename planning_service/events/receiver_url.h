@@ -13,16 +13,16 @@ struct ReceiverUrl {
   std::string host;    // an IPv6 address without its brackets
   int port = 0;        // 0: none given
   std::string path;    // "/" if none
-  // "localhost" or a literal loopback address: nothing leaves the machine.
+  // True for "localhost" and literal loopback addresses: no data leaves the machine.
   bool is_loopback = false;
 };
 
-// INVALID_ARGUMENT names `option` and reason: not a URL of at most 2048 bytes, or one with user
-// name or password, which are not repeated.
+// INVALID_ARGUMENT names `option` and reason: not a URL of at most 2048 bytes, or a URL with user
+// name or password, which the message does not repeat.
 absl::StatusOr<ReceiverUrl> ParseReceiverUrl(const std::string& option, const std::string& url);
 
-// "KIND:HOST:PORT:1a2b3c4d5e6f", the last from all of `identity`: a name to remember a receiver by
-// that shows no secret that a URL may carry.
+// Name under which a receiver is remembered, "KIND:HOST:PORT:1a2b3c4d5e6f". The last field is a
+// digest of all of `identity`, so that the name shows no secret that a URL may hold.
 std::string ReceiverName(const std::string& kind, const ReceiverUrl& url,
                          const std::string& identity);
 

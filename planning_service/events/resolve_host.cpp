@@ -17,7 +17,7 @@
 namespace sightline {
 namespace {
 
-// Lives as long as the one of both that needs it longer: a lookup cannot be taken back.
+// Shared by the caller and the thread that looks up: a running lookup cannot be cancelled.
 struct Lookup {
   std::mutex mutex;
   std::condition_variable changed;

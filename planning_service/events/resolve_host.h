@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Name resolution that can be given up.
+// Name resolution that can be interrupted.
 #pragma once
 
 #include <atomic>

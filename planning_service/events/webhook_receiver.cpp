@@ -23,7 +23,7 @@ namespace {
 constexpr char kWebhookUrlOption[] = "--webhook";
 constexpr char kSecretOption[] = "--webhook-secret";
 constexpr size_t kMinSecretBytes = 16;
-// The answer is ignored; this much is read so that the connection can be used again.
+// The answer's body is ignored, but up to this much is read so that the connection can be reused.
 constexpr size_t kMaxAnswerBytes = 64 << 10;
 
 absl::StatusOr<std::string> ReadWebhookSecret(const std::string& file) {
@@ -112,7 +112,7 @@ class WebhookReceiver final : public EventReceiver {
     if (url_.is_loopback) set(CURLOPT_PROXY, "");
 
     const CURLcode code = Perform(call.get());
-    // An answer that is too long was an answer.
+    // A write error means that the answer is too long; the receiver has answered.
     const bool answered = code == CURLE_OK || code == CURLE_WRITE_ERROR;
     if (!answered && interrupted_) return absl::CancelledError("interrupted");
     if (!answered) {

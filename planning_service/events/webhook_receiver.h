@@ -12,12 +12,12 @@
 namespace sightline {
 
 struct WebhookOptions {
-  // https://HOST[:PORT]/PATH; http:// to this machine alone, unless plain text is allowed.
+  // https://HOST[:PORT]/PATH; http:// only to this machine, unless plain text is allowed.
   std::string url;
-  // Shared with the receiver: 16 bytes to 4 KiB, a line break at the end left out. Read anew for
-  // every event, so that it can be changed.
+  // File of the secret shared with the receiver: 16 bytes to 4 KiB, without a line break at the
+  // end. Read for every event, so that the secret can be changed.
   std::string secret_file;
-  // PEM of who signed the receiver's certificate; empty: the system's.
+  // PEM file of the authorities of the receiver; empty: the system's.
   std::string ca_file;
   bool allow_plaintext = false;
   // Timeout of one delivery, 100 ms to 30 s.
@@ -28,8 +28,8 @@ struct WebhookOptions {
 //   X-Sightline-Event: TYPE
 //   X-Sightline-Delivery: EVENT_ID (the same when it is sent again)
 //   X-Sightline-Signature: sha256=HEX, the HMAC-SHA256 of the body under the secret.
-// Any 2xx answer is success, 410 Gone ends the receiver. Redirections are not followed: they are
-// failures.
+// A 2xx answer is success, and 410 Gone ends the receiver. Redirections are not followed and count
+// as failures.
 // INVALID_ARGUMENT names option and reason.
 absl::StatusOr<std::unique_ptr<EventReceiver>> MakeWebhookReceiver(const WebhookOptions& options);
 

@@ -51,7 +51,7 @@ void CommandMessages::Line(const std::string& line) {
   } else {
     absl::StrAppend(&last_words_, line, "\n");
     if (last_words_.size() > 2 * kLastWordsBytes) {
-      // Whole words: half a path could not be distinguished from other text (server_paths.h).
+      // Cuts between words: half a path could not be recognised as a path (server_paths.h).
       const size_t cut = last_words_.find_first_of(" \n", last_words_.size() - kLastWordsBytes);
       last_words_.erase(0, cut == std::string::npos ? cut : cut + 1);
     }

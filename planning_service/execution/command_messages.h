@@ -16,16 +16,16 @@ struct JobProgress {
   std::string message;
 };
 
-// Lines of JSON that the command means for us, among lines for people. Anything may come, in pieces
-// of any size.
+// Separates the command's lines of JSON for programs from its lines for people. The bytes may be
+// anything and may come in pieces of any size.
 class CommandMessages {
  public:
   void Add(const char* bytes, size_t size);
 
   const JobProgress& progress() const { return progress_; }
-  // Why it failed, if it said so.
+  // Reason of the failure, if the command has stated one.
   const std::optional<JobFailure>& failure() const { return failure_; }
-  // The end of its text for people.
+  // The end of the command's text for people.
   const std::string& last_words() const { return last_words_; }
 
  private:

@@ -16,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A file without a list may be on its way into one.
+// A younger file that nothing names may belong to a job that is being created.
 constexpr absl::Duration kLeastFileAge = absl::Hours(1);
 
 }  // namespace

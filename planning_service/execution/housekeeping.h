@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Periodic work of the planning service: its clock, orphans, retention.
+// Periodic work of the planning service: service time, orphaned jobs, retention.
 #pragma once
 
 #include <condition_variable>
@@ -22,12 +22,12 @@ struct HousekeepingOptions {
 
 class Housekeeping {
  public:
-  // Pointers must outlive it. Begins at once, in a thread of its own.
+  // Starts at once, in a thread of its own. The pointers' targets must outlive it.
   Housekeeping(HousekeepingOptions options, PlanningJobStore* store, ArtefactStore* artefacts);
   ~Housekeeping();
 
-  // One round of removals: old jobs and uploads, files that nothing names, folders of jobs that are
-  // finished or unknown.
+  // Removes old jobs and uploads, files that nothing names, and folders of finished or unknown
+  // jobs; once.
   absl::Status RemoveOld();
 
  private:

@@ -102,11 +102,11 @@ class ChildProcess {
 
   pid_t pid() const { return pid_; }
   void AskToStop() const { kill(pid_, SIGTERM); }
-  // Its own servers end with it, because the other end of their pipe is closed.
+  // The servers of the process end too, because the other end of their pipe is closed.
   void Kill() const { kill(-pid_, SIGKILL); }
 
   enum class Heard { kWords, kNothing, kEnd };
-  // Reads its messages within kPoll_ms.
+  // Waits up to kPoll_ms for messages of the process and reads them.
   Heard Listen(CommandMessages* words) {
     pollfd fd = {output_.get(), POLLIN, 0};
     if (poll(&fd, 1, kPoll_ms) <= 0) return Heard::kNothing;
@@ -118,11 +118,11 @@ class ChildProcess {
     return Heard::kWords;
   }
 
-  // True once it has ended.
+  // True once the process has ended.
   bool Ended(int* wait_status) {
     const pid_t ended = waitpid(pid_, wait_status, WNOHANG);
     if (ended == 0 || (ended < 0 && errno == EINTR)) return false;
-    // Children of it that were left behind.
+    // Ends children that the process has left behind.
     kill(-pid_, SIGKILL);
     pid_ = -1;
     return true;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// One attempt of a job, as a process of its own: its errors stay in it, its memory and time are
-// limited, and it ends with this process, however that ends.
+// Runs one attempt of a job in a process of its own: crashes do not spread, memory and time are
+// limited, and the process ends with this one, even after a crash.
 #pragma once
 
 #include <cstdint>
@@ -19,11 +19,11 @@ struct JobProcessOptions {
   std::string program;  // path of `sightline`
   std::vector<std::string> arguments;
   std::string folder;  // its working directory
-  // Folder of its and its servers' temporary files (TMPDIR), made if it is not there, for this user
-  // alone; empty: where this process puts its own.
+  // Folder for temporary files of the process and its servers (TMPDIR), made for this user alone if
+  // it does not exist; empty: the temporary folder of this process.
   std::string temporary_folder;
-  // Stays open in the process and its children: a lock on it is theirs as long as one of them
-  // lives. -1: none.
+  // Descriptor that stays open in the process and its children: a lock on it is held as long as one
+  // of them lives. -1: none.
   int lock_fd = -1;
   int64_t max_memory_bytes = 0;  // of the process and all its children; 0: no limit
   absl::Duration max_time = absl::InfiniteDuration();  // by a steady clock
@@ -32,21 +32,21 @@ struct JobProcessOptions {
 struct JobProcessEnd {
   enum class Kind {
     kDone,         // exit code 0
-    kFailed,       // it said why: `failure`
-    kWithoutWord,  // killed, or ended without saying why: `failure` says how
-    kStopped,      // was asked to
+    kFailed,       // the process stated the reason: `failure`
+    kWithoutWord,  // killed, or failed without a stated reason: `failure` says how it ended
+    kStopped,      // on request of the caller
     kOutOfMemory,
     kOutOfTime,
   };
   Kind kind = Kind::kWithoutWord;
-  // kWithoutWord: ended by SIGKILL, which a process never sends itself; a user or the system did.
+  // With kWithoutWord: a user or the system ended the process by SIGKILL.
   bool was_killed = false;
   JobFailure failure;
 };
 
-// Runs `sightline --progress=json ARGUMENTS` until it ends. `go_on` is called every 0.1 s or so;
-// when it returns false the process is asked to stop (SIGTERM) and killed when it does not within 5
-// s. UNAVAILABLE: it cannot be started.
+// Runs `sightline --progress=json ARGUMENTS` until it ends. Calls `go_on` about every 0.1 s. If
+// `go_on` returns false, the process gets SIGTERM, and SIGKILL if it still runs after 5 s.
+// UNAVAILABLE: the process cannot be started.
 absl::StatusOr<JobProcessEnd> RunJobProcess(const JobProcessOptions& options,
                                             const std::function<bool(const JobProgress&)>& go_on);
 

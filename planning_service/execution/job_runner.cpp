@@ -33,18 +33,18 @@ constexpr absl::Duration kFullDiskPause = absl::Seconds(2);
 constexpr absl::Duration kFirstRetry = absl::Milliseconds(200);
 constexpr absl::Duration kLongestRetry = absl::Seconds(10);
 constexpr absl::Duration kReportInterval = absl::Milliseconds(250);
-// Attempts in a row that ended without a word and got no further than those before: a few where the
-// job's own fault is likely, many where another process killed it or a server it needs.
+// Most attempts in a row that end without a stated reason and without progress. Few if the job
+// itself is likely at fault, many if another process killed it or a server that it needs.
 constexpr int kMostCrashes = 8;
 constexpr int kMostKills = 100;
 constexpr int kMostResults = 100000;
-// How long processes of an earlier attempt may take to be gone.
+// Number of times that the runner waits for processes of an earlier attempt to end.
 constexpr int kLockTries = 50;
 constexpr absl::Duration kLockPause = absl::Milliseconds(200);
 
-// A job's folder belongs to the holder of this file's lock: the runner and, since they inherit
-// it, the processes of the attempt. Those of an attempt whose runner was killed may live on for a
-// moment.
+// A job's folder belongs to the holder of the lock on this file: the runner and the processes of
+// the attempt, which inherit the lock. If a runner was killed, the processes of its attempt may
+// hold the lock a moment longer.
 class FolderLock {
  public:
   explicit FolderLock(const std::string& file)
@@ -69,13 +69,13 @@ absl::Status EmptyFolder(const fs::path& folder) {
   return absl::InternalError(absl::StrCat(folder.string(), ": ", error.message()));
 }
 
-// Errors that say nothing about the task: its server ended, or another process asked them to stop.
+// True for errors that say nothing about the task: a server ended, or the command was told to stop.
 bool IsPassing(absl::StatusCode code) {
   return code == absl::StatusCode::kUnavailable || code == absl::StatusCode::kCancelled ||
          code == absl::StatusCode::kAborted;
 }
 
-// A disk that was full has room again by now, since the job's own unfinished file is gone.
+// HasRoom() may be true again by now, because the job's own unfinished file is gone.
 bool RanOutOfDisk(const JobFailure& failure) {
   return failure.code == absl::StatusCode::kResourceExhausted &&
          absl::StrContains(failure.message, std::strerror(ENOSPC));
@@ -161,13 +161,13 @@ void JobRunner::Tell(const std::string& what, const std::function<absl::Status()
   while (true) {
     const absl::Status status = tell();
     if (status.ok()) return;
-    // Another runner has the job, or it was removed: this attempt does not count any more.
+    // Another runner has the job, or the job was removed: this attempt is obsolete.
     if (absl::IsAborted(status) || absl::IsNotFound(status)) {
       spdlog::warn("event=attempt_superseded what={} error=\"{}\"", what, status.ToString());
       return;
     }
     spdlog::warn("event=store_failed what={} error=\"{}\"", what, status.ToString());
-    // A store that does not answer at the end finds the job running and its owner gone.
+    // When the store answers again, it finds the job running without an owner and requeues it.
     if (!Pause(retry)) return;
     retry = std::min(2 * retry, kLongestRetry);
   }
@@ -185,7 +185,7 @@ absl::Status JobRunner::Prepare(const PlanningJob& job, const std::string& folde
     SIGHTLINE_RETURN_IF_ERROR(artefacts_->Materialise(file.digest, path.string()));
   }
   SIGHTLINE_RETURN_IF_ERROR(WriteTaskFiles(task, (base / "in").string()));
-  // Images that are whole stay; every other kind makes all of its results at the end.
+  // Complete images of an earlier attempt are kept. Other kinds make all results at the end.
   if (job.kind != "render") {
     SIGHTLINE_RETURN_IF_ERROR(EmptyFolder(base / "out"));
   }
@@ -328,7 +328,7 @@ void JobRunner::Conclude(const PlanningJob& job, const JobProcessEnd& end, bool 
         {absl::StatusCode::kDeadlineExceeded, "JOB_TIME_LIMIT",
          absl::StrCat("the job was not done within ", absl::FormatDuration(options_.max_time))});
   }
-  // Without disk space the job could not succeed, whatever else it says.
+  // Without disk space no job can succeed, so its stated reason does not count.
   if (!artefacts_->HasRoom()) return requeue(/*crashed=*/false);
   const bool is_passing = IsPassing(end.failure.code) || RanOutOfDisk(end.failure);
   if (end.kind == Kind::kWithoutWord || is_passing) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Memory of a process and all that descend from it.
+// Memory of a process and all its descendants.
 #pragma once
 
 #include <sys/types.h>
@@ -8,9 +8,9 @@
 
 namespace sightline {
 
-// Bytes of physical memory of the process and its descendants, shared pages divided among those who
-// share them (proportional set size of /proc/PID/smaps_rollup), resident pages if the kernel does
-// not give these. 0: the process is gone.
+// Physical memory [bytes] of the process and its descendants: the proportional set size of
+// /proc/PID/smaps_rollup, which divides shared pages among the processes that share them, or the
+// resident set size if the kernel does not give that. 0: the process is gone.
 int64_t ProcessTreeMemory(pid_t pid);
 
 }  // namespace sightline

@@ -18,7 +18,7 @@ namespace fs = std::filesystem;
 
 constexpr char kJobFolder[] = "(the folder of the job)";
 constexpr char kServiceFolder[] = "(a folder of the service)";
-// Files of these are a client's own; commands, which run in `in`, name them from there as well.
+// Folders whose files belong to the client; commands run in `in` and may use relative paths.
 constexpr const char* kJobFolders[] = {"in", "out", "checkpoint"};
 
 // Letters of file names as they stand in messages without quotes.
@@ -33,8 +33,8 @@ size_t SkipSlashes(absl::string_view text, size_t at) {
   return at;
 }
 
-// End of `folder` in `text` if it stands at `begin`, else npos. Programs join paths with more than
-// one slash, which mean the same.
+// End of `folder` in `text` if `text` has it at `begin`, else npos. Several slashes in a row count
+// as one, because programs join paths in that way.
 size_t MatchFolder(absl::string_view text, size_t begin, absl::string_view folder) {
   size_t at = begin;
   for (size_t i = 0; i < folder.size(); ++i) {
@@ -48,7 +48,7 @@ size_t MatchFolder(absl::string_view text, size_t begin, absl::string_view folde
   return goes_on ? absl::string_view::npos : at;
 }
 
-// Whether a path may begin there: not within a longer one.
+// True if a path may begin at `at`, that is not within a longer path.
 bool MayBegin(absl::string_view text, size_t at) {
   return at == 0 || (!IsNameLetter(text[at - 1]) && text[at - 1] != '/');
 }
@@ -99,7 +99,7 @@ void ServerPaths::Add(const std::string& path, bool of_job) {
   for (const fs::path& name : {fs::path(path).lexically_normal(), error ? fs::path() : real}) {
     std::string folder = name.string();
     while (!folder.empty() && folder.back() == '/') folder.pop_back();
-    // The root is no folder to hide: it would hide everything.
+    // The root folder is never hidden: hiding it would shorten every path.
     if (!folder.empty() && folder.front() == '/') folders_.push_back({folder, of_job});
   }
 }

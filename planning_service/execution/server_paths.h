@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Messages of jobs as clients may read them: without the paths of this machine.
+// Removes the paths of this machine from messages of jobs, before clients read them.
 #pragma once
 
 #include <string>
@@ -7,9 +7,9 @@
 
 namespace sightline {
 
-// A client knows its files by the names that it gave them, and results by their names. Everything
-// that a job says to its client, errors, progress and the last lines of a process, goes through
-// here; logs keep the whole paths. With the job's folder /data/work/job-1:
+// A client knows its files and results by their names. All messages of a job to its client (errors,
+// progress, the last lines of a process) go through this class; logs keep the whole paths. With
+// the job's folder /data/work/job-1:
 //
 //   /data/work/job-1/in/part.glb: is no mesh         part.glb: is no mesh
 //   ../out/plan.json: cannot be written              plan.json: cannot be written
@@ -19,19 +19,19 @@ namespace sightline {
 class ServerPaths {
  public:
   // `job_folder`: absolute path; commands run in its folder `in`. `folders`: absolute paths of all
-  // other folders whose files messages may name: data, programs, temporary files. Links on the way
-  // to a folder are followed as well, since programs see the path without them.
+  // other folders whose files messages may name: data, programs, temporary files. Both the given
+  // path and the path with links resolved are recognised, because programs may report either.
   ServerPaths(const std::string& job_folder, const std::vector<std::string>& folders);
 
-  // `message` with every file in the job's folders `in` and `out` named from there, and every other
-  // file in a folder that was given by its last name. Names that only contain such a path, as
-  // "mine/data/work" does, stay.
+  // Returns `message` with shorter paths: files in the job's folders `in` and `out` relative to
+  // these, files in the other folders by their file name alone. Names that only contain such a
+  // path, as "mine/data/work" does, stay.
   std::string WithoutPaths(const std::string& message) const;
 
  private:
   struct Folder {
     std::string path;
-    bool of_job = false;  // its files keep their names below it
+    bool of_job = false;  // a folder of the job: its files keep their paths below it
   };
   void Add(const std::string& path, bool of_job);
 

@@ -17,7 +17,7 @@
 namespace sightline {
 namespace {
 
-// Between looks at whether the client is still there.
+// Time between checks that the client is still connected.
 constexpr absl::Duration kWatchPause = absl::Milliseconds(250);
 constexpr absl::string_view kBearer = "Bearer ";
 
@@ -47,7 +47,7 @@ std::vector<JobFile> FilesOf(const google::protobuf::RepeatedPtrField<v1::JobFil
   return files;
 }
 
-// The job of an answer.
+// Puts the job into an answer.
 template <typename Response>
 absl::Status Answer(const absl::StatusOr<PlanningJob>& job, Response* response) {
   if (!job.ok()) return job.status();

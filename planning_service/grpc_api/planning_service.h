@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// v1::PlanningService over PlanningJobs: who asks, and messages in and out.
+// v1::PlanningService over PlanningJobs: identifies the client and converts messages.
 #pragma once
 
 #include <functional>
@@ -13,7 +13,7 @@ namespace sightline {
 
 class PlanningServiceImpl final : public v1::PlanningService::Service {
  public:
-  // All must outlive it.
+  // The pointers' targets must outlive it.
   PlanningServiceImpl(PlanningJobs* jobs, ClientAccess* access, CallTracker* calls)
       : jobs_(jobs), access_(access), calls_(calls) {}
 
@@ -51,7 +51,7 @@ class PlanningServiceImpl final : public v1::PlanningService::Service {
                               v1::GetVisionStateResponse* response) override;
 
  private:
-  // Runs a call as the client that the peer has shown to be.
+  // Runs a call as the client that the peer's credentials identify.
   grpc::Status RunAs(const char* method, grpc::ServerContext* context,
                      const std::function<absl::Status(const Client&)>& call,
                      CallKind kind = CallKind::kUnary);

@@ -39,7 +39,7 @@ std::optional<std::string> HostName(const std::string& authority) {
   return name;
 }
 
-// "https://Host:443" -> "host"; ports that are usual are left out, since browsers do so.
+// "https://Host:443" -> "host"; the default ports are left out, as browsers do.
 std::string Authority(absl::string_view text) {
   for (const absl::string_view scheme : {"http://", "https://"}) {
     if (absl::StartsWith(text, scheme)) text.remove_prefix(scheme.size());

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Keeps pages of other sites, opened in a browser that reaches this server, from using it.
+// Protects the server from pages of other sites in a browser that can reach it (DNS rebinding and
+// cross-site requests).
 #pragma once
 
 #include <string>
@@ -12,12 +13,12 @@ namespace sightline {
 
 class BrowserGuard {
  public:
-  // `names`: of this server, without port; empty: any (a request's Host is not checked).
+  // `names`: names of this server, without port. Empty: the Host of requests is not checked.
   explicit BrowserGuard(std::vector<std::string> names);
 
-  // PERMISSION_DENIED, reason HOST_NOT_ALLOWED: the request is for another name, as when that
-  // name's owner lets it point here; ORIGIN_NOT_ALLOWED: it would change something and comes from a
-  // page of another origin.
+  // PERMISSION_DENIED, reason HOST_NOT_ALLOWED: the request names another host, whose owner may
+  // have let that name point to this server. Reason ORIGIN_NOT_ALLOWED: the request would change
+  // something and comes from a page of another origin.
   absl::Status Check(const HttpRequest& request) const;
 
  private:

@@ -14,7 +14,7 @@
 
 namespace sightline {
 
-// For one thread. Nothing here blocks beyond its deadline.
+// For one thread, except CutOff. No method blocks beyond its deadline.
 class ConnectionStream {
  public:
   using Clock = std::chrono::steady_clock;
@@ -24,24 +24,24 @@ class ConnectionStream {
   ConnectionStream(FileDescriptor socket, int stop_event);
   ~ConnectionStream();
 
-  // Speaks TLS from now on.
+  // Performs the TLS handshake; the connection uses TLS from then on.
   Outcome StartTls(SSL_CTX* context, Clock::time_point deadline);
   // Names in the client's certificate.
   std::vector<std::string> PeerNames() const;
 
   // Waits until there is something to read; kClosed also when the server ends.
   Outcome WaitForRequest(Clock::time_point deadline);
-  // At least one byte, at most `size`.
+  // Reads at least one byte, at most `size`.
   Outcome Read(char* bytes, size_t size, Clock::time_point deadline, size_t* count);
-  // All of them.
+  // Writes all `size` bytes.
   Outcome Write(const char* bytes, size_t size, Clock::time_point deadline);
-  // Whether the peer has gone, as far as can be known without waiting.
+  // True if the peer is known to have closed the connection; does not wait.
   bool PeerIsGone() const;
   bool IsEnding() const;
-  // Says that nothing more comes, then discards incoming data: closing at once would reset
-  // the connection and take the answer from a client that is still sending.
+  // Closes the sending side, then discards incoming data until `deadline`. Closing at once would
+  // reset the connection, and a client that is still sending would lose the answer.
   void Finish(Clock::time_point deadline);
-  // From any thread: makes all of the above fail.
+  // May be called from any thread: makes all methods above fail.
   void CutOff();
 
  private:

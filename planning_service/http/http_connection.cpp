@@ -35,7 +35,7 @@ using Parser = http::request_parser<http::buffer_body>;
 constexpr size_t kMaxHeadBytes = 32 << 10;
 constexpr size_t kPieceBytes = 64 << 10;
 constexpr int64_t kMinBodyBytesPerSecond = 4 << 10;
-// How long a client that has been answered early may go on sending.
+// Time for which a client may go on sending after an early answer.
 constexpr std::chrono::seconds kLingerTime(5);
 
 std::string Text(boost::string_view text) { return std::string(text.data(), text.size()); }
@@ -62,8 +62,8 @@ absl::Status ParseError(const error_code& error) {
   return absl::InvalidArgumentError(absl::StrCat("not an HTTP/1.1 request: ", error.message()));
 }
 
-// Whether a line of a head continues the one before it (obsolete line folding). Others on the way
-// may read it as a header of its own, so it is refused (RFC 9112 5.2).
+// True if a line of a head continues the line before it (obsolete line folding). Intermediaries may
+// read it as a header of its own, so it is refused (RFC 9112 5.2).
 bool HasFoldedLine(absl::string_view head) {
   return absl::StrContains(head, "\r\n ") || absl::StrContains(head, "\r\n\t");
 }
@@ -130,7 +130,7 @@ absl::Status Exchange::Fill(Clock::time_point deadline) {
 }
 
 absl::Status Exchange::ReadHead() {
-  close_ = true;  // until all is known to be well
+  close_ = true;  // cleared once the head proves valid
   const Clock::time_point deadline = Clock::now() + timeout_;
   while (!parser_.is_header_done()) {
     if (buffer_->size() == 0) {
@@ -154,9 +154,9 @@ absl::Status Exchange::ReadHead() {
   return FillRequest();
 }
 
-// Whether the body has one length that all intermediaries read alike. Beast takes a body of a
-// transfer coding that it does not know for none, so that the body would be read as the next
-// request (RFC 9112 6.1 and 6.3: 501 for an unknown coding, 400 otherwise, and the end of the
+// Checks that the body has one length, on which all intermediaries agree. With a transfer coding
+// that it does not know, Beast assumes no body, and the body would be read as the next request
+// (RFC 9112 6.1 and 6.3: 501 for an unknown coding, 400 otherwise, and the end of the
 // connection).
 absl::Status CheckBodyLength(const HttpRequest& request, unsigned version, int codings) {
   const std::string length = request.Header("content-length");
@@ -200,7 +200,7 @@ absl::Status Exchange::FillRequest() {
   }
   if (!request_.url.authority.empty()) request_.headers["host"] = request_.url.authority;
   SIGHTLINE_RETURN_IF_ERROR(CheckBodyLength(request_, message.version(), codings));
-  // Unpacking would let a small request become a large one.
+  // Compressed bodies are refused: a small request could unpack to a large one.
   if (const std::string encoding = request_.Header("content-encoding");
       !encoding.empty() && !absl::EqualsIgnoreCase(encoding, "identity")) {
     return WithErrorInfo(
@@ -277,7 +277,7 @@ absl::Status Exchange::Begin(int http_status, const HttpHeaders& headers,
   if (has_begun()) return absl::InternalError("an answer was begun twice");
   if (lost_) return absl::CancelledError("the client has gone");
   http_status_ = http_status;
-  // An unread body would be taken for the next request.
+  // An unread body would be read as the next request.
   if (!head_read_ || !parser_.is_done()) close_ = true;
   if (stream_->IsEnding()) close_ = true;
   const bool http_1_0 = head_read_ && parser_.get().version() < 11;
@@ -290,7 +290,7 @@ absl::Status Exchange::Begin(int http_status, const HttpHeaders& headers,
       "\r\n");
   for (const auto& [name, value] : headers) {
     std::string safe = value;
-    // A line break would begin another header.
+    // A line break in a value would begin another header.
     std::replace_if(
         safe.begin(), safe.end(),
         [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; }, ' ');

@@ -14,12 +14,12 @@ namespace sightline {
 struct HttpConnectionLimits {
   int64_t max_request_bytes = 0;
   absl::Duration request_timeout;
-  // How long a connection may be silent before its first request, if that is shorter.
+  // Longest time before the first request of a connection; the shorter of both timeouts counts.
   absl::Duration first_request_timeout = absl::Seconds(10);
 };
 
-// Answers requests until either side closes the connection. `handle` must begin and end an answer
-// to each; it may leave the body unread.
+// Serves requests until either side closes the connection. `handle` must begin and end an answer
+// to every request; it may leave the body unread.
 void ServeHttpConnection(ConnectionStream* stream, const HttpConnectionLimits& limits,
                          const std::function<void(HttpExchange&)>& handle);
 

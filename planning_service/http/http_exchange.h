@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A request and its answer, as the routes see them.
+// Interface for the routes: a request and its answer.
 #pragma once
 
 #include <cstdint>
@@ -21,11 +21,11 @@ struct HttpRequest {
   std::string method;
   std::string target;  // as sent, for the log
   RequestTarget url;
-  // By lower-case names; several of a name are joined by ", ".
+  // Values by lower-case names; several headers of one name are joined by ", ".
   std::map<std::string, std::string> headers;
   PeerCredentials peer;
 
-  // Empty if there is none.
+  // Value of a header; empty if there is none.
   std::string Header(const std::string& lower_case_name) const {
     const auto entry = headers.find(lower_case_name);
     return entry == headers.end() ? "" : entry->second;
@@ -34,8 +34,8 @@ struct HttpRequest {
 
 using HttpHeaders = std::vector<std::pair<std::string, std::string>>;
 
-// For one thread. Answers are begun once; after an error of Begin or Write the connection is lost
-// and nothing more can be said.
+// For one thread. An answer is begun once. After an error of Begin or Write the connection is lost,
+// and no answer can be sent any more.
 class HttpExchange {
  public:
   virtual ~HttpExchange() = default;
@@ -46,16 +46,16 @@ class HttpExchange {
   // INVALID_ARGUMENT: broken framing.
   virtual absl::StatusOr<std::string> ReadBody() = 0;
 
-  // Status line and headers. Without `content_length` the body is sent in chunks.
+  // Sends status line and headers. Without `content_length` the body is sent in chunks.
   virtual absl::Status Begin(int http_status, const HttpHeaders& headers,
                              std::optional<int64_t> content_length) = 0;
-  // A piece of the body. Nothing is sent in answer to HEAD.
+  // Sends a piece of the body; sends nothing in answer to HEAD.
   virtual absl::Status Write(absl::string_view bytes) = 0;
-  // The answer is complete.
+  // Completes the answer.
   virtual absl::Status End() = 0;
   virtual bool has_begun() const = 0;
 
-  // Whether the client is there and the server is not ending.
+  // False once the client is gone or the server ends.
   virtual bool IsWanted() const = 0;
 };
 

@@ -95,7 +95,7 @@ void ReplyError(HttpExchange& exchange, const absl::Status& status, const HttpHe
   const int http_status = HttpStatusOf(status);
   if (http_status == 401) all.emplace_back("WWW-Authenticate", "Bearer realm=\"sightline\"");
   if (http_status == 429 || http_status == 503) {
-    // Quotas free up as jobs end, in minutes; an overload passes sooner.
+    // A quota becomes free when jobs end, after minutes; an overload passes sooner.
     const absl::Duration usual = absl::Seconds(http_status == 429 ? 30 : 5);
     const double delay_s = absl::ToDoubleSeconds(RetryDelay(status).value_or(usual));
     all.emplace_back(

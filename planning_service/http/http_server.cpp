@@ -37,7 +37,7 @@ namespace {
 
 using Clock = ConnectionStream::Clock;
 
-// Most connections above a limit that get a refusal at a time; further ones are closed at once.
+// At most so many connections above a limit get an answer (503) at a time; others are just closed.
 constexpr int kMaxRefusals = 8;
 constexpr absl::Duration kRefusalTimeout = absl::Seconds(2);
 constexpr absl::Duration kStopGrace = absl::Seconds(10);
@@ -64,10 +64,10 @@ absl::Status CheckOptions(const HttpServerOptions& options) {
 }
 
 absl::Status TooManyConnections(const std::string& peer, const Shortage& shortage) {
-  const std::string message =
-      shortage.of_owner ? absl::StrCat(peer, " has ", shortage.held,
-                                       " connections already, more are not allowed at a time")
-                        : "the server has as many connections as it takes";
+  const std::string message = shortage.of_owner
+                                  ? absl::StrCat(peer, " has ", shortage.held,
+                                                 " connections already, which is the most allowed")
+                                  : "the server has as many connections as it takes";
   return WithErrorInfo(absl::ResourceExhaustedError(message), "TOO_MANY_CONNECTIONS");
 }
 
@@ -88,8 +88,8 @@ std::string PeerAddress(const sockaddr_storage& address) {
   return text;
 }
 
-// Writing to a connection that the peer has closed must give an error, not end the process; OpenSSL
-// writes without MSG_NOSIGNAL. The signal goes to the thread that writes.
+// A write to a connection that the peer has closed must return an error, not end the process, but
+// OpenSSL writes without MSG_NOSIGNAL. So the thread that writes, which gets SIGPIPE, blocks it.
 void BlockBrokenPipeSignal() {
   sigset_t signals;
   sigemptyset(&signals);
@@ -118,16 +118,16 @@ struct HttpServer::Impl {
           refused(std::move(refusal)) {}
     ConnectionStream stream;
     SharedLimit::Share place;
-    const absl::Status refused;  // refusal; OK: it is served
+    const absl::Status refused;  // reason to refuse it; OK: it is served
     std::thread thread;
     bool done = false;  // guarded by the mutex below
   };
 
   void AcceptConnections();
-  // Whether accepting should go on at once.
+  // Accepts a connection. False if the next attempt should wait.
   bool AcceptOne();
   void RemoveFinished();
-  // With the mutex held.
+  // The caller holds the mutex.
   void GiveBack(Connection* connection);
   void Serve(Connection* connection, const std::shared_ptr<SSL_CTX>& context);
 
@@ -138,9 +138,9 @@ struct HttpServer::Impl {
   Handler handle;
   const FileDescriptor stop_event;
   std::thread acceptor;
-  std::list<Connection> connections;  // of the acceptor; of Stop() once that has ended
-  // std::mutex rather than absl::Mutex: the thread sanitizer sees into it without a rebuilt
-  // library. It guards the members below.
+  std::list<Connection> connections;  // for the acceptor's thread; after its end for Stop()
+  // Guards the members below. A std::mutex, not an absl::Mutex: the thread sanitizer supports it
+  // without a rebuilt library.
   std::mutex mutex;
   std::condition_variable ended;  // a connection has
   int refusing = 0;
@@ -199,7 +199,7 @@ bool HttpServer::Impl::AcceptOne() {
     // Without descriptors or memory the next attempt would fail at once, too.
     return errno != EMFILE && errno != ENFILE && errno != ENOBUFS && errno != ENOMEM;
   }
-  // Heads and bodies are sent apart; the second must not wait for an acknowledgement of the first.
+  // Head and body are sent separately; the body must not wait for the acknowledgement of the head.
   const int on = 1;
   setsockopt(socket.get(), IPPROTO_TCP, TCP_NODELAY, &on, sizeof(on));
   RemoveFinished();
@@ -231,7 +231,7 @@ bool HttpServer::Impl::AcceptOne() {
 void HttpServer::Impl::AcceptConnections() {
   for (;;) {
     pollfd entries[2] = {{stop_event.get(), POLLIN, 0}, {listening.descriptor.get(), POLLIN, 0}};
-    // Now and then without a connection, so that finished threads do not wait for the next one.
+    // Returns every second even without a connection, so that finished threads are joined soon.
     const int count = poll(entries, 2, /*timeout_ms=*/1000);
     if (entries[0].revents != 0) return;
     if (count == 0) RemoveFinished();
@@ -271,7 +271,7 @@ void HttpServer::Start(Handler handle) {
 void HttpServer::Stop() {
   if (!impl_->acceptor.joinable()) return;
   const uint64_t one = 1;
-  // Never read: it stays readable for everybody who waits for it.
+  // The event is never read, so that it stays readable for all threads that wait for it.
   while (write(impl_->stop_event.get(), &one, sizeof(one)) < 0 && errno == EINTR) {
   }
   impl_->acceptor.join();

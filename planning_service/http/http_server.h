@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Takes connections on a TCP address and has the requests on them answered, a thread each.
+// Accepts connections on a TCP address and serves their requests, with one thread per connection.
 #pragma once
 
 #include <cstdint>
@@ -21,15 +21,15 @@ struct HttpServerOptions {
   std::string listen;             // HOST:PORT, [IPv6]:PORT; port 0: any free one
   TlsFiles tls;                   // no certificate: plain
   absl::Duration tls_check_interval = absl::Seconds(2);
-  // Limit for one peer, an address with any port; all clients behind a proxy are one. At least 1.
-  // All peers together have twice as many, so that one leaves half to the others. Others get 503.
+  // Limit for one peer, at least 1. A peer is an address with any port; all clients behind a proxy
+  // are one peer. All peers together may have twice as many. Connections above a limit get 503.
   int max_connections = 128;
   int64_t max_request_bytes = 0;
-  // Longest time in which a peer neither sends nor takes anything, and in which the head of a
-  // request must be complete; in (0, 24 h].
+  // Longest time for which a peer may neither send nor receive, and for the head of a request to be
+  // complete; in (0, 24 h].
   absl::Duration request_timeout = absl::Seconds(30);
-  // How long a new connection may take to agree on TLS, and then to begin its first request; at
-  // most request_timeout counts. Positive.
+  // Longest time of a new connection for its TLS handshake, and then until its first request
+  // begins; at most request_timeout counts. Positive.
   absl::Duration first_request_timeout = absl::Seconds(10);
 };
 
@@ -45,10 +45,10 @@ class HttpServer {
   HttpServer& operator=(const HttpServer&) = delete;
 
   const ListeningSocket& listening() const;
-  // `handle` is called by several threads at a time, answers every request and must stay valid
-  // until Stop() returns. To be called once.
+  // Starts to serve; to be called once. Several threads call `handle` at the same time; it must
+  // answer every request and stay valid until Stop() returns.
   void Start(Handler handle);
-  // Takes no new requests and lets running ones finish within 10 s; then cuts them off.
+  // Accepts no new requests and lets running ones finish within 10 s, then cuts them off.
   // Idempotent, not thread-safe.
   void Stop();
 
@@ -58,8 +58,8 @@ class HttpServer {
   std::unique_ptr<Impl> impl_;
 };
 
-// Refuses requests of other sites' pages. `names`: of this server, beside localhost and the address
-// it listens on; checked if that is a loopback address or the list is not empty.
+// A guard against pages of other sites. `names`: names of this server in addition to localhost and
+// its address. The Host is checked if the address is a loopback one or `names` is not empty.
 BrowserGuard MakeBrowserGuard(std::vector<std::string> names, const ListeningSocket& socket);
 
 }  // namespace sightline

@@ -74,7 +74,7 @@ absl::StatusOr<ListeningSocket> ListenTcp(const std::string& option, const std::
     FileDescriptor descriptor(
         socket(entry->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
     const int on = 1;
-    // So that a new server may follow an old one at once; two at a time stay impossible.
+    // SO_REUSEADDR lets a new server follow an old one at once; two at a time stay impossible.
     if (descriptor.get() < 0 ||
         setsockopt(descriptor.get(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof(on)) != 0 ||
         bind(descriptor.get(), entry->ai_addr, entry->ai_addrlen) != 0 ||

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A TCP socket that takes connections.
+// A TCP socket that accepts connections.
 #pragma once
 
 #include <string>
@@ -24,10 +24,10 @@ class FileDescriptor {
 };
 
 struct ListeningSocket {
-  FileDescriptor descriptor;  // does not block, ends with an exec
+  FileDescriptor descriptor;  // non-blocking, close-on-exec
   std::string host;           // as asked for, without brackets
   std::string address;        // HOST:PORT with the actual port
-  bool is_loopback = false;   // only this machine reaches it
+  bool is_loopback = false;   // true: only this machine reaches it
 };
 
 // `listen`: HOST:PORT or [IPv6]:PORT, port 0: any free one. INVALID_ARGUMENT names `option`;

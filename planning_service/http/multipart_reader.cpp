@@ -38,7 +38,7 @@ bool TakeParameter(absl::string_view* text, std::string* name, std::string* valu
       *text = rest.substr(i + 1);
       return true;
     }
-    // Other backslashes are part of the name: some clients send paths of Windows.
+    // Other backslashes belong to the name: some clients send Windows paths.
     if (rest[i] == '\\' && i + 1 < rest.size() && (rest[i + 1] == '"' || rest[i + 1] == '\\')) ++i;
     *value += rest[i];
   }
@@ -99,7 +99,7 @@ absl::StatusOr<std::string> MultipartReader::Read() {
       in_part_ = false;
       break;
     }
-    // The end of the buffer may be the beginning of a delimiter.
+    // The end of the buffer may be the beginning of a delimiter, so it is kept back.
     const size_t content = at != std::string::npos ? at
                            : buffer_.size() >= delimiter_.size()
                                ? buffer_.size() - delimiter_.size() + 1

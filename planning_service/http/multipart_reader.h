@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bodies of type multipart/form-data (RFC 7578), piece by piece.
+// Reads bodies of type multipart/form-data (RFC 7578) piece by piece.
 #pragma once
 
 #include <cstddef>
@@ -17,10 +17,10 @@ struct MultipartPart {
   std::string filename;  // empty: none
 };
 
-// The boundary of a Content-Type. INVALID_ARGUMENT if there is none or a wrong one.
+// The boundary of a Content-Type. INVALID_ARGUMENT if it is missing or not valid.
 absl::StatusOr<std::string> MultipartBoundary(const std::string& content_type);
 
-// Holds no more than a piece of `source` and a part's header at a time.
+// Holds at most one piece of `source` and one part's headers in memory.
 class MultipartReader {
  public:
   // Next piece of the body; empty at its end.
@@ -28,8 +28,8 @@ class MultipartReader {
 
   MultipartReader(const std::string& boundary, Source source);
 
-  // The next part, skipping the unread rest of the one before; nullopt after the last.
-  // INVALID_ARGUMENT: not multipart/form-data, naming the part; else the source's errors.
+  // Skips the unread rest of the current part and returns the next one; nullopt after the last.
+  // INVALID_ARGUMENT names the part: it is not multipart/form-data. Also errors of the source.
   absl::StatusOr<std::optional<MultipartPart>> NextPart();
   // Next piece of the part's content; empty at its end.
   absl::StatusOr<std::string> Read();

@@ -80,7 +80,7 @@ bool IsValidUtf8(absl::string_view text) {
       if ((next >> 6) != 0x02) return false;
       code = (code << 6) | (next & 0x3fu);
     }
-    // Neither longer than need be nor a half of a UTF-16 pair.
+    // Overlong encodings and surrogates (halves of a UTF-16 pair) are not valid UTF-8.
     constexpr uint32_t kLeast[] = {0, 0, 0x80, 0x800, 0x10000};
     if (code < kLeast[length] || code > 0x10ffff || (code >= 0xd800 && code <= 0xdfff)) {
       return false;

@@ -17,7 +17,7 @@
 namespace sightline {
 namespace {
 
-// Reason of the last error of OpenSSL in this thread; forgets the others.
+// Reason of the last error of OpenSSL in this thread; clears the queue of errors.
 std::string OpenSslReason() {
   const unsigned long code = ERR_peek_last_error();
   ERR_clear_error();
@@ -34,7 +34,7 @@ absl::StatusOr<std::shared_ptr<SSL_CTX>> ReadFiles(const TlsFiles& files) {
   std::shared_ptr<SSL_CTX> context(SSL_CTX_new(TLS_server_method()), SSL_CTX_free);
   if (context == nullptr) return absl::InternalError(OpenSslReason());
   SSL_CTX_set_min_proto_version(context.get(), TLS1_2_VERSION);
-  // No resumption: every connection is verified against the authorities of now.
+  // No session resumption, so that every connection is verified against the current authorities.
   SSL_CTX_set_options(context.get(), SSL_OP_NO_RENEGOTIATION | SSL_OP_NO_TICKET |
                                          SSL_OP_CIPHER_SERVER_PREFERENCE |
                                          SSL_OP_IGNORE_UNEXPECTED_EOF);
@@ -62,7 +62,7 @@ absl::StatusOr<std::shared_ptr<SSL_CTX>> ReadFiles(const TlsFiles& files) {
   return context;
 }
 
-// Text that differs when a file was written or replaced.
+// A text of sizes and times that changes if a file is written or replaced.
 std::string LookOf(const TlsFiles& files) {
   std::string look;
   for (const std::string& file : {files.certificate, files.key, files.client_ca}) {
@@ -95,7 +95,7 @@ std::shared_ptr<SSL_CTX> TlsServerContext::Current() {
   const auto now = std::chrono::steady_clock::now();
   if (now - checked_ < absl::ToChronoNanoseconds(check_interval_)) return context_;
   checked_ = now;
-  // Looked at before reading: a change in between is seen next time.
+  // Taken before the files are read: a change in between is then found at the next check.
   std::string look = LookOf(files_);
   if (look == seen_) return context_;
   seen_ = std::move(look);

@@ -20,16 +20,16 @@ struct TlsFiles {
   std::string client_ca;  // empty: clients need no certificate
 };
 
-// Not thread-safe; its contexts are.
+// Not thread-safe; the contexts that it returns are.
 class TlsServerContext {
  public:
-  // INVALID_ARGUMENT names option and file. The files are looked at again at most once in
+  // INVALID_ARGUMENT names option and file. Current() checks the files for changes at most once in
   // `check_interval`.
   static absl::StatusOr<std::unique_ptr<TlsServerContext>> Load(const TlsFiles& files,
                                                                 absl::Duration check_interval);
 
-  // For a new connection. Reads the files again if they changed; unusable files leave the old ones
-  // in place, with a warning in the log.
+  // The context for a new connection. Reads the files again if they have changed; if they are
+  // unusable, logs a warning and keeps the old context.
   std::shared_ptr<SSL_CTX> Current();
 
  private:

@@ -16,7 +16,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-// How soon the end of the server or of the client is seen.
+// Time until the end of the server or of the client is noticed.
 constexpr absl::Duration kWait = absl::Seconds(1);
 constexpr std::chrono::seconds kHeartbeat(15);
 
@@ -58,7 +58,7 @@ void StreamEvents(HttpExchange& exchange, PlanningJobs* jobs, const Client& clie
     if (!last.ok()) return ReplyError(exchange, last.status());
     sequence = *last;
   }
-  // Read before the job, so that nothing that happens later is left out.
+  // The newest event is read before the job, so that no later event is left out.
   const absl::StatusOr<int64_t> newest = jobs->NewestEvent();
   if (!newest.ok()) return ReplyError(exchange, newest.status());
   const absl::StatusOr<bool> is_known = jobs->KnowsEvent(sequence);
@@ -70,14 +70,14 @@ void StreamEvents(HttpExchange& exchange, PlanningJobs* jobs, const Client& clie
       jobs->WaitForEvents(client, job_id, sequence, absl::ZeroDuration());
   if (!events.ok()) return ReplyError(exchange, events.status());
   if (*is_known && job->IsFinished() && events->empty() && !last_id.empty()) {
-    // To a browser this says: do not connect again.
+    // Status 204 tells a browser not to connect again.
     return ReplyText(exchange, 204, {}, "", "");
   }
   if (!exchange
            .Begin(200,
                   {{"Content-Type", "text/event-stream"},
                    {"Cache-Control", "no-store"},
-                   // Proxies that gather answers would hold events back.
+                   // Buffering proxies would delay events.
                    {"X-Accel-Buffering", "no"}},
                   std::nullopt)
            .ok()) {
@@ -99,7 +99,7 @@ void StreamEvents(HttpExchange& exchange, PlanningJobs* jobs, const Client& clie
     if (job.ok())
       events = jobs->WaitForEvents(client, job_id, sequence,
                                    job->IsFinished() ? absl::ZeroDuration() : kWait);
-    // Without an end of the body the client knows to connect again.
+    // The body is not completed, so the client knows that it has to connect again.
     if (!job.ok() || !events.ok()) return;
     for (const JobEvent& event : *events) {
       if (!exchange.Write(EventText(absl::StrCat(event.sequence), event.type, event.job)).ok()) {
@@ -110,7 +110,7 @@ void StreamEvents(HttpExchange& exchange, PlanningJobs* jobs, const Client& clie
       if (IsFinal(event.type)) return exchange.End().IgnoreError();
     }
     if (job->IsFinished() && events->empty()) {
-      // Retention has taken the events of an old job; its state is known all the same.
+      // Retention has removed the events of an old job, but its state is still known.
       if (exchange.Write(EventText("", StateEventType(job->state), *job)).ok()) {
         exchange.End().IgnoreError();
       }

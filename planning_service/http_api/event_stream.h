@@ -9,8 +9,8 @@
 
 namespace sightline {
 
-// Sends the events after the request's Last-Event-ID, or all, until the job is finished, the
-// client goes or the server ends. Errors before the first byte are answered as usual.
+// Sends the events after the request's Last-Event-ID, or all events, until the job is finished,
+// the client is gone or the server ends. Errors before the first byte are answered as usual.
 void StreamEvents(HttpExchange& exchange, PlanningJobs* jobs, const Client& client,
                   const std::string& job_id);
 

@@ -25,28 +25,28 @@ struct WebFile {
 
 struct HttpApiOptions {
   std::string listen;  // HOST:PORT, [IPv6]:PORT; port 0: any free one
-  // PEM files. Certificate and key: TLS; a client CA as well: clients must have a certificate of
-  // it. New contents of the files are used for new connections; unusable ones leave the old in
-  // place, with a warning in the log.
+  // PEM files. Certificate and key turn on TLS. With a client CA, clients need a certificate of it.
+  // New contents of the files count for new connections; if they are unusable, the service logs a
+  // warning and keeps the old ones.
   std::string tls_certificate_file;
   std::string tls_key_file;
   std::string tls_client_ca_file;
   absl::Duration tls_check_interval = absl::Seconds(2);
-  // Both at least 1: connections of one address, event streams of one client; together there may be
-  // twice as many. Event streams are connections too; further ones get 503.
+  // Limits on the connections of one address and the event streams of one client, at least 1. All
+  // addresses or clients together may have twice as many. An event stream is also a connection.
+  // Connections and streams above a limit get 503.
   int max_connections = 128;
   int max_event_streams = 64;
   int64_t max_request_bytes = int64_t{4} << 30;
-  // Memory of all JSON bodies that are being read, and of their messages, at a time; half of it at
-  // most for one client. Further ones get 503. At least 256 MiB lets the largest body, of 16 MiB,
-  // in while others are read.
+  // Memory of all JSON bodies that are being read and of their messages; one client may hold half
+  // of it. Bodies above a limit get 503. With at least 256 MiB, the largest body (16 MiB) is
+  // accepted while others are read.
   int64_t max_body_memory_bytes = int64_t{256} << 20;
-  // Longest time in which a peer neither sends nor takes anything, and in which the head of a
-  // request must be complete; in (0, 24 h]. Bodies slower than 4 KiB/s on the whole are cut off
-  // after it.
+  // Longest time for which a peer may neither send nor receive, and for the head of a request to be
+  // complete; in (0, 24 h]. After this time, bodies slower than 4 KiB/s on average are cut off.
   absl::Duration request_timeout = absl::Seconds(30);
-  // Names of this server in requests, beside localhost and the address it listens on. Checked if
-  // it listens on a loopback address or the list is not empty.
+  // Names of this server in requests, in addition to localhost and the address it listens on. They
+  // are checked if that is a loopback address or the list is not empty.
   std::vector<std::string> allowed_hosts;
   std::vector<WebFile> web_files;
 };
@@ -63,7 +63,7 @@ class HttpApi {
 
   // HOST:PORT with the actual port.
   const std::string& address() const;
-  // Takes no new requests, ends event streams, and lets running requests finish within 10 s; then
+  // Accepts no new requests, ends event streams, and lets running requests finish within 10 s, then
   // cuts them off. Idempotent, not thread-safe.
   void Stop();
 

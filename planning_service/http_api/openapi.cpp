@@ -39,7 +39,7 @@ std::string SchemaName(const Descriptor& type) {
   return absl::StrReplaceAll(name, {{".", "_"}});
 }
 
-// `strict`: of requests, where an unknown field is an error; answers may get new ones.
+// `strict`: for requests, in which an unknown field is an error; answers may get new fields.
 void AddSchema(const Descriptor& type, bool strict, ordered_json* schemas);
 
 ordered_json ValueSchema(const FieldDescriptor& field, bool strict, ordered_json* schemas) {
@@ -82,7 +82,7 @@ ordered_json ValueSchema(const FieldDescriptor& field, bool strict, ordered_json
 void AddSchema(const Descriptor& type, bool strict, ordered_json* schemas) {
   const std::string name = SchemaName(type);
   if (schemas->contains(name)) return;
-  (*schemas)[name] = ordered_json::object();  // ends the recursion of types that hold themselves
+  (*schemas)[name] = ordered_json::object();  // ends the recursion for recursive types
   ordered_json properties = ordered_json::object();
   for (int i = 0; i < type.field_count(); ++i) {
     const FieldDescriptor& field = *type.field(i);

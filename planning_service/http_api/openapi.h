@@ -6,8 +6,8 @@
 
 namespace sightline {
 
-// OpenAPI 3.0.3: the paths of openapi.json, with schemas made from the messages that the service
-// reads and writes, so that they cannot differ from these.
+// OpenAPI 3.0.3: the paths of openapi.json, with schemas generated from the messages that the
+// service reads and writes, so that schemas and messages always agree.
 std::string OpenApiJson();
 
 }  // namespace sightline

@@ -24,12 +24,13 @@
 namespace sightline {
 namespace {
 
-// Tasks are text written by hand or by programs; the large things are files.
+// Tasks are texts written by people or programs; large data comes in files.
 constexpr size_t kMaxJsonBytes = 16 << 20;
-// Memory of a text that grows by doubling, and then of its copy with numbers for null positions.
+// A text that grows by doubling takes twice its size, and so does its copy with numbers for null
+// positions.
 constexpr int64_t kBytesPerTextByte = 2;
-// A body that has sent so much takes memory for all that it announces: bodies that grow piece by
-// piece fill the memory together, and none of them gets to its end.
+// A body that has sent this much reserves memory for all that it announces. If bodies reserved
+// piece by piece, they could fill the memory together and none of them would complete.
 constexpr size_t kTrustedBytes = 1 << 20;
 constexpr size_t kMaxFieldBytes = 64;
 constexpr int kMaxParts = 1000;
@@ -69,7 +70,7 @@ int64_t BodyMemory(size_t text_bytes) {
          static_cast<int64_t>(MostMessageBytes(text_bytes));
 }
 
-// Takes memory until the request holds `bytes`, or says that there is none at the moment.
+// Reserves memory until the request holds `bytes`. UNAVAILABLE: there is not enough at the moment.
 absl::Status HoldMemory(SharedLimit::Share* memory, int64_t bytes) {
   if (bytes <= memory->held()) return absl::OkStatus();
   const std::optional<Shortage> shortage = memory->Grow(bytes - memory->held());
@@ -92,8 +93,8 @@ absl::Status ParseBody(std::string json, const std::string& document,
                    document, field_prefix);
 }
 
-// The rest of the data of `read`. Bytes take memory when they come: who announces much and sends
-// little takes little. `announced_bytes`: by Content-Length; 0: not known.
+// Reads the rest of the data of `read`. Memory is reserved for bytes that arrive, not for a mere
+// announcement. `announced_bytes`: Content-Length; 0: not known.
 template <typename Read>
 absl::StatusOr<std::string> ReadText(const std::string& field, size_t max_bytes,
                                      size_t announced_bytes, SharedLimit::Share* memory,
@@ -164,7 +165,7 @@ absl::StatusOr<TaskForm> ReadTaskForm(HttpExchange& exchange, PlanningJobs* jobs
       has_task = true;
       SIGHTLINE_ASSIGN_OR_RETURN(std::string json,
                                  ReadText("task", kMaxJsonBytes, 0, memory, read));
-      // Before the files: a task that cannot be read is refused at once.
+      // Parsed before the files arrive, so that a task that cannot be read is refused at once.
       SIGHTLINE_RETURN_IF_ERROR(ParseBody(std::move(json), "task", "task.", memory, &form.task));
       continue;
     }

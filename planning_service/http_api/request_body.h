@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Bodies of requests that describe a job or a recipe.
 //
-// JSON bodies of all requests share memory: `memory` is the client's share, which grows by the text
-// as it comes and by the most that its message may take (MostMessageBytes) before it is parsed. The
-// caller keeps it for as long as it has the message. UNAVAILABLE, reason OVERLOADED, with a retry
-// delay: there is not enough at the moment.
+// JSON bodies of all requests share a limit on memory. `memory` is the client's share: it grows
+// with the text that arrives and, before parsing, by the most that the message may take
+// (MostMessageBytes). The caller keeps it as long as the message. UNAVAILABLE, reason OVERLOADED,
+// with a retry delay: there is not enough memory at the moment.
 #pragma once
 
 #include <google/protobuf/message.h>
@@ -21,7 +21,7 @@
 
 namespace sightline {
 
-// A task with its files, as they came; nothing is checked yet but names.
+// A task with its files as received; only the names have been checked.
 struct TaskForm {
   v1::PlanningTask task;
   std::vector<JobFile> files;
@@ -31,19 +31,19 @@ struct TaskForm {
 
 bool IsMultipartForm(const HttpRequest& request);
 
-// Takes in multipart/form-data: `task`, `priority`, and files, which go to disk as they come.
-// INVALID_ARGUMENT names the part; else errors of HttpExchange::ReadBody and FileUpload.
+// Reads multipart/form-data: `task`, `priority` and files, which are written to disk as they
+// arrive. INVALID_ARGUMENT names the part. Also errors of HttpExchange::ReadBody and FileUpload.
 absl::StatusOr<TaskForm> ReadTaskForm(HttpExchange& exchange, PlanningJobs* jobs,
                                       const Client& client, SharedLimit::Share* memory);
 
 // Reads the whole body into `message`. INVALID_ARGUMENT with the field; reason
-// MEDIA_TYPE_NOT_SUPPORTED if it is not application/json. `may_be_empty`: no body leaves the
-// message as it is.
+// MEDIA_TYPE_NOT_SUPPORTED if it is not application/json. `may_be_empty`: an empty body is allowed
+// and leaves the message unchanged.
 absl::Status ReadJsonBody(HttpExchange& exchange, bool may_be_empty, SharedLimit::Share* memory,
                           google::protobuf::Message* message);
 
-// Takes in the body as one file. INVALID_ARGUMENT, reason DIGEST_MISMATCH, if `expected_digest` is
-// given and another.
+// Reads the body as one file. INVALID_ARGUMENT, reason DIGEST_MISMATCH: `expected_digest` is not
+// empty and differs from its digest.
 absl::StatusOr<JobFile> ReadFileBody(HttpExchange& exchange, PlanningJobs* jobs,
                                      const Client& client, const std::string& expected_digest);
 

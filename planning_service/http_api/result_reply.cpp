@@ -25,8 +25,8 @@ namespace {
 
 constexpr size_t kPieceBytes = 64 << 10;
 
-// Reports carry their scripts, styles and pictures in themselves. In the sandbox they have an
-// origin of their own, so that nothing in them can use the service in the reader's name.
+// Reports embed their scripts, styles and pictures. The sandbox gives them an origin of their own,
+// so that no script in them can use the service in the reader's name.
 constexpr char kReportPolicy[] =
     "sandbox allow-scripts allow-downloads; default-src 'none'; script-src 'unsafe-inline'; "
     "style-src 'unsafe-inline'; img-src data: blob:; font-src data:; base-uri 'none'; "
@@ -110,7 +110,7 @@ void ReplyResult(HttpExchange& exchange, const OpenResult& result) {
   }
   const HttpRequest& request = exchange.request();
   const std::string tag = absl::StrCat("\"", result.file.digest, "\"");
-  // A result never changes, but who may read it can.
+  // A result never changes, but the right to read it can.
   HttpHeaders headers = {{"ETag", tag}, {"Cache-Control", "private, no-cache"}};
   if (MatchesEntityTag(request.Header("if-none-match"), tag)) {
     ReplyText(exchange, 304, headers, "", "");
@@ -154,7 +154,7 @@ void ReplyResult(HttpExchange& exchange, const OpenResult& result) {
     const ssize_t count = pread(file.get(), piece.data(), wanted, range.offset + sent);
     if (count < 0 && errno == EINTR) continue;
     if (count <= 0) {
-      // The answer has begun: only closing the connection can say that it is not whole.
+      // The answer has begun: only a closed connection can show that it is incomplete.
       spdlog::error("event=result_unreadable digest={}", result.file.digest);
       return;
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Files in answers: caching, ranges and types.
+// Sends files in answers: caching, ranges and content types.
 #pragma once
 
 #include <optional>
@@ -11,18 +11,18 @@
 
 namespace sightline {
 
-// By the extension of the name.
+// Content type by the extension of the name.
 std::string ContentTypeOf(const std::string& name);
 
-// Whether an If-None-Match names the entity tag (with its quotes).
+// True if an If-None-Match names the entity tag (with its quotes).
 bool MatchesEntityTag(absl::string_view if_none_match, absl::string_view entity_tag);
 
 struct ByteRange {
   int64_t offset = 0;
   int64_t length = 0;  // 0: none of the file is in the range
 };
-// The one range that a Range header asks for; nullopt to answer with the whole: several ranges, or
-// text that is not a range.
+// The single range that a Range header asks for. nullopt (send the whole file): several ranges, or
+// a text that is not a range.
 std::optional<ByteRange> ParseByteRange(absl::string_view header, int64_t size_bytes);
 
 // Sends a result piece by piece from its file, or an error.

@@ -25,7 +25,7 @@
 namespace sightline {
 namespace {
 
-// The page's own scripts, styles and pictures, and nothing from elsewhere; reports in frames.
+// Allows the page's own scripts, styles and pictures, and frames with reports; nothing else.
 constexpr char kPagePolicy[] =
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; "
     "font-src 'self'; connect-src 'self'; frame-src 'self' blob:; base-uri 'none'; "

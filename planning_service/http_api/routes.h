@@ -41,7 +41,7 @@ class Routes {
   };
 
   static bool Matches(const Path& pattern, const Path& path);
-  // Calls the handler; without memory the answer is 503, since trying again helps.
+  // Calls the handler. If memory runs out, the answer is 503, because a later try may succeed.
   void Handle(const Route& route, HttpExchange& exchange, const Client& client);
   bool AnswerWebFile(HttpExchange& exchange);
 
@@ -61,9 +61,9 @@ class Routes {
   PlanningJobs* const jobs_;
   ClientAccess* const access_;
   const BrowserGuard guard_;
-  // Limit for one client; all together have twice as many, so that one leaves half to the others.
+  // Event streams: one client may open half of them, so that the other half is left to others.
   const SharedLimit event_streams_;
-  // Memory of JSON bodies and of their messages [bytes]: one client leaves half to the others.
+  // Memory of JSON bodies and of their messages [bytes]: one client may hold half of it.
   const SharedLimit body_memory_;
   const std::string openapi_;
   const std::vector<Route> routes_;

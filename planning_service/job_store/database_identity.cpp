@@ -18,12 +18,12 @@ namespace sightline {
 namespace {
 
 constexpr int64_t kEventIdStep = int64_t{1} << 32;
-// Two starts of one copy must not go on at the same id: they go on at the time's. The ids stay
-// below 2^53 until 2109, and grow more slowly than time unless there are 2048 events a millisecond.
+// Ids of a restored copy continue at an id derived from the time, so that two restores differ. The
+// ids stay below 2^53 until 2109 and fall behind the time below 2048 events a millisecond.
 constexpr int64_t kEventIdsPerMs = 2048;
-// Stands in the stored identity before every restore since it was last copied.
+// Mark in the stored identity, before every restore since the database was last copied.
 constexpr char kSinceCopy[] = ".~";
-// `copied_event`, the newest event at the time of the copy, of a database that is no copy.
+// Value of `copied_event` (the newest event at the time of the copy) if the database is no copy.
 constexpr int64_t kNoCopy = -1;
 
 // Runs `body(sql)` in a transaction on an SQLite file that no other process has open.
@@ -60,7 +60,7 @@ std::optional<DatabaseIdentity> ReadDatabaseIdentity(SqlTransaction& sql) {
       copied_event != kNoCopy &&
       sql.Run("SELECT 1 FROM event WHERE sequence > $1 LIMIT 1", {copied_event}).empty();
   std::string identity = rows.front().Text(0);
-  // A program that only reads a copy does not make another service of it.
+  // Reading an unchanged copy does not make another service of it.
   if (is_unchanged) identity = identity.substr(0, identity.find(kSinceCopy));
   return DatabaseIdentity{absl::StrReplaceAll(identity, {{kSinceCopy, "."}}), rows.front().Text(1),
                           is_unchanged};
@@ -80,8 +80,9 @@ bool SettleDatabaseIdentity(SqlTransaction& sql, const std::string& instance) {
                           absl::Hex(RandomBits(), absl::kZeroPad16)),
              instance, kNoCopy});
   }
-  // A database without identity is new, or of an older version; then it may be a restored one, but
-  // for one without events. A copy without events is a restored one: events may have followed it.
+  // A database without identity is new, or of an older version. The latter may be a restored copy,
+  // unless it has no events. A known copy counts as restored even without events, which may have
+  // followed it.
   const SqlRows moved = sql.Run(absl::StrCat("UPDATE counter SET value ="
                                              " CASE WHEN value < $1 THEN $1 ELSE value + $2 END"
                                              " WHERE name = 'event'",

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Quotas and names that a job store refuses.
+// Checks of quotas and names for the job store.
 #pragma once
 
 #include <cstdint>
@@ -14,20 +14,20 @@
 
 namespace sightline {
 
-// Bytes of the different files that the client holds, or of all clients.
+// Bytes of the distinct files that the client holds, or that all clients hold.
 int64_t StoredBytes(SqlTransaction& sql, const std::optional<std::string>& client);
 
-// In that state, of the client or of all.
+// Number of jobs in that state, of the client or of all clients.
 int CountJobRows(SqlTransaction& sql, JobState state, const std::optional<std::string>& client);
 
 // RESOURCE_EXHAUSTED (QUOTA_EXCEEDED).
 absl::Status QuotaExceeded(const std::string& what, int64_t has, int64_t allowed);
 
-// Called after the change, which is undone if it goes too far.
+// To be called after the change, in its transaction: an error undoes the change.
 absl::Status CheckStoredBytes(SqlTransaction& sql, const std::string& client,
                               const ClientQuota& quota);
 
-// INVALID_ARGUMENT names the fields that are not UTF-8 without NUL.
+// INVALID_ARGUMENT names the fields that are not valid UTF-8 or hold a NUL.
 absl::Status CheckPlainNames(const std::vector<std::pair<std::string, std::string>>& names,
                              const std::vector<JobFile>& files);
 

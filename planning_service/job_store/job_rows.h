@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rows of the job tables as values, and the statements that fetch them.
+// Converts rows of the job tables to values, and holds the statements that fetch them.
 #pragma once
 
 #include <cstddef>
@@ -29,11 +29,11 @@ struct FileHolder {
   std::string id;
 };
 
-// Words of the database; an unknown one is a failed job.
+// Names of states in the database; an unknown name counts as a failed job.
 std::string StateText(JobState state);
 JobState StateOf(const std::string& text);
 
-// 0 is "never".
+// Conversion of times; 0 stands for "never".
 int64_t UnixMicros(absl::Time time);
 absl::Time TimeOfMicros(int64_t micros);
 
@@ -41,15 +41,15 @@ PlanningJob JobOfRow(const SqlRow& row);
 // Name, digest and size from `first_column` on.
 JobFile FileOfRow(const SqlRow& row, size_t first_column);
 
-// Row without task and files of the first job that fits.
+// The first job that fulfils the condition `where`, without its task and files.
 std::optional<PlanningJob> FindJobRow(SqlTransaction& sql, const std::string& where,
                                       const std::vector<SqlValue>& parameters);
 
-// In the order they were given.
+// Files in the order in which they were given.
 std::vector<JobFile> FilesOf(SqlTransaction& sql, const FileHolder& holder);
 void ReplaceFiles(SqlTransaction& sql, const FileHolder& holder, const std::vector<JobFile>& files);
 
-// With task, files and results.
+// The job with its task, files and results.
 std::optional<PlanningJob> FindJob(SqlTransaction& sql, const std::string& job_id);
 
 // Next number of a counter that all processes share.

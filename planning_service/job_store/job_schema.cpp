@@ -12,8 +12,8 @@ namespace {
 // Types are PostgreSQL's; SQLite takes them for its own (BYTEA columns keep blobs as they are).
 // Times are microseconds: *_us of the wall clock since 1970, *_service_us of service time.
 const std::vector<std::string> kVersion1 = {
-    // Numbers are drawn from rows, not from sequences of the database: these have gaps, and their
-    // order is not that of the commits.
+    // Numbers come from rows of this table, not from sequences of the database: sequences have
+    // gaps, and their order is not the order of the commits.
     "CREATE TABLE counter (name TEXT PRIMARY KEY, value BIGINT NOT NULL)",
     "INSERT INTO counter (name, value) VALUES ('job', 0), ('event', 0), ('service_us', 0)",
     "CREATE TABLE job ("

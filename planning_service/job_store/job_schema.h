@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tables of the job store and how older ones become newer ones.
+// Tables of the job store, and the migration of older versions.
 #pragma once
 
 #include <string>
@@ -9,9 +9,9 @@
 
 namespace sightline {
 
-// Brings the tables to this program's version, or makes them, within the writing transaction of
-// `transaction`. FAILED_PRECONDITION: they are of a newer version. `name`: of the database, for
-// messages.
+// Makes the tables, or migrates them to this program's version, within the writing transaction of
+// `transaction`. FAILED_PRECONDITION: the tables are of a newer version. `name`: name of the
+// database, for messages.
 absl::Status MigrateJobSchema(const std::string& name, SqlTransaction* transaction);
 
 }  // namespace sightline

@@ -6,7 +6,7 @@
 namespace sightline {
 namespace {
 
-// Bytes of the character at the start of `text`, which is not empty; 0: it is none.
+// Length [bytes] of the character at the start of `text`, which is not empty; 0: not valid.
 size_t CharacterBytes(absl::string_view text) {
   const auto lead = static_cast<unsigned char>(text[0]);
   if (lead == 0) return 0;
@@ -19,7 +19,7 @@ size_t CharacterBytes(absl::string_view text) {
     if ((byte & 0xc0) != 0x80) return 0;
     character = character << 6 | (byte & 0x3f);
   }
-  // Longer than need be, half a surrogate pair, or beyond Unicode.
+  // Overlong encodings, halves of a surrogate pair and numbers beyond Unicode are not valid.
   if (length == 3 && character < 0x800) return 0;
   if (length == 4 && character < 0x10000) return 0;
   if ((character >= 0xd800 && character <= 0xdfff) || character > 0x10ffff) return 0;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A planning job as it is kept.
+// A planning job as the store keeps it.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,7 @@
 
 namespace sightline {
 
-// A file of a job: one that came with its task, or a result. The bytes are in the artefact store.
+// A file of a job, either sent with its task or a result. Its bytes are in the artefact store.
 struct JobFile {
   std::string name;    // path below the job's folder, with '/'
   std::string digest;  // SHA-256, lower-case hex
@@ -44,18 +44,18 @@ struct PlanningJob {
   JobState state = JobState::kQueued;
   double progress = 0;  // [0, 1]
   std::string message;
-  bool cancel_requested = false;  // of a running job
+  bool cancel_requested = false;  // for a running job
   int attempts = 0;               // how often it was started
-  int crashes = 0;                // attempts in a row that ended without a word
+  int crashes = 0;                // attempts in a row that ended without a stated reason
   JobFailure failure;
   std::vector<JobFile> results;
-  // Clock of the server, for people alone.
+  // Times by the server's clock, only for display.
   absl::Time created = absl::InfinitePast();
   absl::Time started = absl::InfinitePast();
   absl::Time finished = absl::InfinitePast();
   int64_t revision = 0;  // grows with every change
-  // Position of a queued job: how many queued jobs of all clients come before it, by priority and
-  // then by acceptance. Counted when the job is read, and no change of the job; unset in events.
+  // Position of a queued job: number of queued jobs of all clients before it, by priority, then by
+  // acceptance. Counted when the job is read; does not change `revision`; unset in events.
   std::optional<int64_t> jobs_ahead;
 
   bool IsFinished() const { return state >= JobState::kSucceeded; }

@@ -42,9 +42,9 @@ constexpr int64_t kWriteLock = 0x73696768746c696e;
 constexpr auto kFirstBackoff = std::chrono::milliseconds(100);
 constexpr auto kLongestBackoff = std::chrono::milliseconds(5000);
 
-// A statement, or a wait for the lock, that takes longer is given up; a process that stopped in the
-// middle of a transaction does not hold up the others for ever; a host that vanished is noticed by
-// the server. A server that is set to answer before it has written is overruled.
+// Limits on statements, on waits for the lock and on idle transactions, so that a process that
+// stopped within a transaction does not block the others for ever. The server notices hosts that
+// vanished. Commits are synchronous even if the server is set otherwise.
 constexpr char kSessionSettings[] =
     "SET search_path TO sightline, pg_temp;"
     "SET statement_timeout = '30s';"
@@ -65,7 +65,7 @@ struct ClearResult {
 using ConnectionHandle = std::unique_ptr<PGconn, FinishConnection>;
 using ResultHandle = std::unique_ptr<PGresult, ClearResult>;
 
-// Numbers travel with their highest byte first.
+// Numbers are transferred with their highest byte first.
 template <typename T>
 T FromWire(const void* bytes) {
   static_assert(sizeof(T) == 4 || sizeof(T) == 8);
@@ -91,8 +91,8 @@ std::string OneLine(const char* message) {
   return std::string(absl::StripAsciiWhitespace(line));
 }
 
-// Whether the statement failed with its connection. libpq may say so in its message alone: errors
-// of the server have a SQLSTATE.
+// True if the statement failed because its connection was lost. Errors of the server have a
+// SQLSTATE; libpq may report a lost connection by its message alone.
 bool IsConnectionLost(PGconn* connection, const PGresult* result) {
   if (PQstatus(connection) != CONNECTION_OK || result == nullptr) return true;
   const char* severity = PQresultErrorField(result, PG_DIAG_SEVERITY_NONLOCALIZED);
@@ -100,9 +100,9 @@ bool IsConnectionLost(PGconn* connection, const PGresult* result) {
          (severity != nullptr && absl::string_view(severity) != "ERROR");
 }
 
-// Why there is no connection, with the host and the database, and without the other words of the
-// connection text: the message may reach clients, and the text may have a password. libpq repeats
-// the text where it cannot read it.
+// The reason why there is no connection, with host and database. The message may reach clients, so
+// it leaves out the rest of the connection text, which may hold a password; libpq repeats that text
+// if it cannot parse it.
 std::string CannotConnect(const std::string& connection_text, const char* reason) {
   const std::unique_ptr<PQconninfoOption, decltype(&PQconninfoFree)> options(
       PQconninfoParse(connection_text.c_str(), nullptr), &PQconninfoFree);
@@ -142,7 +142,7 @@ absl::Status PostgresError(PGconn* connection, const PGresult* result) {
   if (state == "42501" || state == "28000" || state == "28P01") {
     return absl::PermissionDeniedError(message);
   }
-  // Connections, shortage of them, shutdown, timeouts, conflicts, a standby, errors of the disk.
+  // SQLSTATE classes: connections, resources, shutdown, conflicts, standby, timeouts, disk errors.
   for (const char* prefix : {"08", "53", "57", "40", "25006", "25P03", "55P03", "58030"}) {
     if (absl::StartsWith(state, prefix)) return absl::UnavailableError(message);
   }
@@ -168,15 +168,15 @@ SqlValue ToValue(const PGresult* result, int row, int column) {
   }
 }
 
-// A connection that is opened anew when it was lost.
+// A connection that reopens itself after it was lost.
 class PostgresConnection : public SqlConnection {
  public:
   explicit PostgresConnection(std::string connection_text)
       : connection_text_(std::move(connection_text)) {}
 
   absl::Status Begin(SqlAccess access) override {
-    // The connection may have been lost since it was used last: nothing is lost by starting again.
-    // If it is lost once more, there is more to it.
+    // The connection may have been lost since its last use, so the beginning is tried once more. A
+    // second loss is reported.
     absl::Status begun = TryBegin(access);
     if (absl::IsUnavailable(begun) && was_connected_) begun = TryBegin(access);
     return begun;
@@ -217,7 +217,7 @@ class PostgresConnection : public SqlConnection {
       if (IsConnectionLost(connection_.get(), result.get())) connection_.reset();
       return error;
     }
-    // A transaction that failed "commits" without an error, by rolling back.
+    // COMMIT of a failed transaction rolls back and reports no error.
     if (absl::string_view(PQcmdStatus(result.get())) == "ROLLBACK" && sql != "ROLLBACK") {
       return absl::InternalError("PostgreSQL: the transaction was rolled back");
     }
@@ -262,7 +262,7 @@ class PostgresConnection : public SqlConnection {
 
  private:
   absl::Status Open() {
-    // The text's own settings come later and win.
+    // Settings of the connection text come later and override these.
     const char* const keywords[] = {"connect_timeout",
                                     "keepalives_idle",
                                     "keepalives_count",
@@ -303,13 +303,13 @@ class PostgresConnection : public SqlConnection {
                                         : "BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY",
             {})
             .status();
-    // The lock is a statement of its own: later statements see commits from before it.
+    // The lock is a separate statement, so that later statements see all commits from before it.
     if (begun.ok() && access == SqlAccess::kWrite) {
       begun = Run("SELECT pg_advisory_xact_lock($1) IS NULL", {kWriteLock}).status();
     }
     if (begun.ok()) return begun;
     if (!connection_) return begun;
-    was_connected_ = false;  // it is still there, so that the error would only come again
+    was_connected_ = false;  // the connection lives; another attempt would fail alike
     Rollback();
     return begun;
   }
@@ -331,7 +331,7 @@ class PostgresDatabase : public SqlDatabase {
     SIGHTLINE_RETURN_IF_ERROR(CheckSession());
     name_ = absl::StrCat("PostgreSQL database ", PQdb(session_.get()));
     SIGHTLINE_RETURN_IF_ERROR(session_.Begin(SqlAccess::kWrite));
-    // Not "IF NOT EXISTS": that needs the right to make schemas even if this one is there.
+    // Not "IF NOT EXISTS", which needs the right to make schemas even if this one exists.
     auto made = session_.Run("SELECT 1 FROM pg_namespace WHERE nspname = 'sightline'", {});
     if (made.ok() && made->empty()) made = session_.Run("CREATE SCHEMA sightline", {});
     absl::Status status = made.ok() ? session_.Commit() : made.status();
@@ -345,8 +345,8 @@ class PostgresDatabase : public SqlDatabase {
     return connection;
   }
   bool IsShared() const override { return true; }
-  // A restored dump has tables of other object numbers, another cluster has another system
-  // identifier, and a recovery to an earlier moment or a standby that took over another timeline.
+  // A restored dump has other object numbers of tables, another cluster has another system
+  // identifier, and a point-in-time recovery or a promoted standby has another timeline.
   absl::StatusOr<std::string> Instance(SqlConnection* connection) override {
     SIGHTLINE_ASSIGN_OR_RETURN(
         const auto rows,
@@ -375,7 +375,7 @@ class PostgresDatabase : public SqlDatabase {
   bool Holds(const std::string& role) override {
     std::lock_guard lock(mutex_);
     if (!CheckSession().ok()) return false;
-    // The session would count another lock of the same number, not refuse it.
+    // A session may take the same lock several times, so it must not be asked again.
     if (roles_.count(role) > 0) return true;
     if (!TryLock(RoleNumber(role))) return false;
     roles_.insert(role);
@@ -383,7 +383,7 @@ class PostgresDatabase : public SqlDatabase {
   }
 
  private:
-  // Positive, so that it is an owner's number only by a chance of 2^-62.
+  // Positive; equals the number of an owner only with a probability of 2^-62.
   static int64_t RoleNumber(const std::string& role) {
     Sha256 digest;
     digest.Update(role);
@@ -395,7 +395,7 @@ class PostgresDatabase : public SqlDatabase {
     return rows.ok() && !rows->empty() && rows->front().Int(0) != 0;
   }
 
-  // Sees to it that the session lives and has an owner number. With the mutex held.
+  // Makes sure that the session lives and has an owner number. The caller holds the mutex.
   absl::Status CheckSession() {
     if (session_.get() && owner_ != 0 && session_.Run("SELECT 1", {}).ok()) {
       return absl::OkStatus();
@@ -413,7 +413,7 @@ class PostgresDatabase : public SqlDatabase {
   const std::string connection_text_;
   std::string name_;
   std::mutex mutex_;
-  // Lives as long as this object does for the others: its locks say so.
+  // Session whose locks show other processes that this object lives.
   PostgresConnection session_;  // by mutex_, as all below
   int64_t owner_ = 0;
   std::set<std::string> roles_;

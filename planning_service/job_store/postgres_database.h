@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// PostgreSQL behind the interface of SQL databases.
+// PostgreSQL as an SqlDatabase.
 #pragma once
 
 #include <memory>
@@ -10,12 +10,12 @@
 
 namespace sightline {
 
-// `connection`: of libpq. Makes the schema `sightline` if it is not there. UNAVAILABLE: cannot
-// connect. FAILED_PRECONDITION: the database's encoding is not UTF8.
+// `connection`: connection text of libpq. Makes the schema `sightline` if it does not exist.
+// UNAVAILABLE: cannot connect. FAILED_PRECONDITION: the database's encoding is not UTF8.
 //
-// Writing transactions, owners and roles are advisory locks, so no clock decides who lives. A lost
-// connection is opened anew by the next transaction; while that fails, attempts are spaced from
-// 0.1 s to 5 s, and calls in between are UNAVAILABLE at once.
+// Writing transactions, owners and roles are advisory locks, so no clock decides who lives. The
+// next transaction reopens a lost connection. While that fails, attempts are spaced from 0.1 s to
+// 5 s, and calls in between return UNAVAILABLE at once.
 absl::StatusOr<std::unique_ptr<SqlDatabase>> OpenPostgresDatabase(const std::string& connection);
 
 }  // namespace sightline

@@ -26,7 +26,7 @@ constexpr auto kProgressEventInterval = std::chrono::seconds(1);
 
 absl::StatusOr<std::optional<PlanningJob>> SqlJobStore::Claim(
     const std::function<ClientQuota(const std::string& client)>& quota_of) {
-  // Polled all the time: an empty queue is not worth a place among the writers.
+  // Workers poll this method. If the queue is empty, it does not wait for the writers' lock.
   SIGHTLINE_ASSIGN_OR_RETURN(
       const auto waiting, Read([](SqlTransaction& sql) -> absl::StatusOr<bool> {
         return !sql.Run("SELECT 1 FROM job WHERE state = 'QUEUED' LIMIT 1").empty();
@@ -87,7 +87,7 @@ absl::Status SqlJobStore::Succeed(const Attempt& attempt, const std::vector<JobF
   return WriteAttempt(attempt, [&](SqlTransaction& sql, PlanningJob* job) -> absl::Status {
     job->state = JobState::kSucceeded;
     job->progress = 1;
-    job->message.clear();  // it said what the job was doing
+    job->message.clear();  // it described running work
     job->results = results;
     FinishJob(sql, "done", job);
     last_progress_event_.erase(job->job_id);
@@ -129,7 +129,7 @@ absl::StatusOr<int> SqlJobStore::RequeueOrphans() {
       if (owner == own) continue;
       SIGHTLINE_ASSIGN_OR_RETURN(const auto gone, database_->IsOwnerGone(sql.connection(), owner));
       if (!gone) continue;
-      // Only its reported progress shows how far the attempt got.
+      // The attempt cannot report any more; its last progress shows how far it got.
       for (const SqlRow& orphan :
            sql.Run(absl::StrCat("SELECT ", kJobColumns,
                                 ", progress > crash_progress FROM job"

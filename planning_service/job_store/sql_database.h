@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The part of SQL databases that the job store needs, so that its logic is written once.
+// Interface to the SQL databases that the job store supports, so that its logic is written once.
 //
-// Statements are those that SQLite and PostgreSQL both understand, with parameters $1, $2, …; no
-// column and no value is ever NULL.
+// Statements must be valid in both SQLite and PostgreSQL and have parameters $1, $2, …. No column
+// and no value is ever NULL.
 #pragma once
 
 #include <cstdint>
@@ -28,10 +28,10 @@ class SqlRow {
  public:
   explicit SqlRow(std::vector<SqlValue> values) : values_(std::move(values)) {}
 
-  // Value of a column, from 0. Of another type than asked for, as only a damaged database gives it,
-  // it is zero or empty.
+  // Value of a column, counted from 0. If the value has another type, which only happens in a
+  // damaged database, the result is zero or empty.
   int64_t Int(size_t column) const { return Get<int64_t>(column); }
-  // Whole numbers count as real ones.
+  // A real number; whole numbers are converted.
   double Real(size_t column) const {
     const bool whole = column < values_.size() && std::holds_alternative<int64_t>(values_[column]);
     return whole ? static_cast<double>(Int(column)) : Get<double>(column);
@@ -53,17 +53,17 @@ using SqlRows = std::vector<SqlRow>;
 
 enum class SqlAccess { kRead, kWrite };
 
-// Used by one thread at a time. Errors of all: UNAVAILABLE (connection lost, or busy for too long),
-// RESOURCE_EXHAUSTED with reason DISK_FULL, DATA_LOSS.
+// For one thread at a time. Errors of all methods: UNAVAILABLE (connection lost, or busy for too
+// long), RESOURCE_EXHAUSTED with reason DISK_FULL, DATA_LOSS.
 class SqlConnection {
  public:
   virtual ~SqlConnection() = default;
-  // Reading transactions see one state throughout. Writing ones run one after the other, in all
-  // processes. Connects anew first if the connection is gone.
+  // Begins a transaction; reconnects first if the connection is lost. A reading transaction sees
+  // one state throughout. Writing transactions of all processes run one after the other.
   virtual absl::Status Begin(SqlAccess access) = 0;
   virtual absl::StatusOr<SqlRows> Run(const std::string& sql,
                                       const std::vector<SqlValue>& parameters) = 0;
-  // UNAVAILABLE: it may have happened.
+  // UNAVAILABLE: the transaction may have been committed or not.
   virtual absl::Status Commit() = 0;
   // Does nothing if no transaction is open.
   virtual void Rollback() = 0;
@@ -74,27 +74,27 @@ class SqlDatabase {
  public:
   virtual ~SqlDatabase() = default;
   virtual absl::StatusOr<std::unique_ptr<SqlConnection>> Connect() = 0;
-  // Whether other processes may write to it.
+  // True if other processes may write to the database.
   virtual bool IsShared() const = 0;
-  // Identifies the place of the tables: the same text at every start, another one after a restore
-  // from a dump, of the file or of the server. `connection` is in a transaction.
+  // Identifies the storage of the tables: the text stays the same at every start and changes if a
+  // dump, the file or the server is restored. `connection` is in a transaction.
   virtual absl::StatusOr<std::string> Instance(SqlConnection* connection) = 0;
-  // For messages: file, or database and host.
+  // Name for messages: the file, or database and host.
   virtual std::string Name() const = 0;
 
-  // Number of this object as owner of jobs. It is another one once the database may have taken the
-  // one before for dead.
+  // Number of this object as owner of jobs. It changes once the database may consider the earlier
+  // number dead.
   virtual absl::StatusOr<int64_t> Owner() = 0;
-  // Whether the owner of that number lives no more. Called inside a writing transaction of
-  // `connection`; true holds until its end.
+  // True if the owner of that number does not live any more. To be called within a writing
+  // transaction of `connection`; true stays valid until its end.
   virtual absl::StatusOr<bool> IsOwnerGone(SqlConnection* connection, int64_t owner) = 0;
-  // True for one living object of all that share the database; it stays so until it ends or its
-  // connection is lost.
+  // True for one of all objects that share the database: it holds the role until it is destroyed or
+  // its connection is lost.
   virtual bool Holds(const std::string& role) = 0;
 };
 
-// Statements of a transaction. After the first error the others do nothing and give no rows, so
-// that callers look at `status` once at the end.
+// Runs statements of a transaction. After the first error, further statements do nothing and
+// return no rows, so callers check `status` only once at the end.
 class SqlTransaction {
  public:
   explicit SqlTransaction(SqlConnection* connection) : connection_(connection) {}

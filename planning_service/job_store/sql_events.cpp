@@ -91,7 +91,7 @@ absl::StatusOr<bool> SqlJobStore::HasEvent(int64_t sequence) {
 
 absl::StatusOr<int64_t> SqlJobStore::EventCursor(const std::string& receiver) {
   SIGHTLINE_RETURN_IF_ERROR(CheckPlainNames({{"receiver", receiver}}, {}));
-  // From here on the receiver is known, and events wait for it.
+  // Makes the receiver known: from now on events are kept for it.
   return Write([&](SqlTransaction& sql) -> absl::StatusOr<int64_t> {
     sql.Run("INSERT INTO receiver (name, sequence) VALUES ($1, 0) ON CONFLICT (name) DO NOTHING",
             {receiver});
@@ -102,7 +102,7 @@ absl::StatusOr<int64_t> SqlJobStore::EventCursor(const std::string& receiver) {
 
 absl::Status SqlJobStore::SetEventCursor(const std::string& receiver, int64_t sequence) {
   SIGHTLINE_RETURN_IF_ERROR(CheckPlainNames({{"receiver", receiver}}, {}));
-  // A late word of one that held the receiver before does not turn the cursor back.
+  // A late report of a process that held the receiver before must not move the cursor back.
   return Write([&](SqlTransaction& sql) -> absl::Status {
     sql.Run(
         "INSERT INTO receiver (name, sequence) VALUES ($1, $2) ON CONFLICT (name) DO UPDATE"

@@ -19,7 +19,7 @@ namespace {
 
 using std::chrono::steady_clock;
 
-// How often a shared database is asked for changes that others made.
+// Interval between queries of a shared database for changes by other processes.
 constexpr absl::Duration kPollInterval = absl::Milliseconds(500);
 
 }  // namespace
@@ -46,7 +46,7 @@ void SqlJobStore::AwaitChange(int64_t seen, steady_clock::time_point end) {
 }
 
 steady_clock::time_point SqlJobStore::EndOf(absl::Duration timeout) {
-  // An endless wait is cut: the clock's arithmetic would overflow.
+  // Very long waits are cut, because the clock's arithmetic would overflow.
   return steady_clock::now() +
          absl::ToChronoMilliseconds(std::clamp(timeout, absl::ZeroDuration(), kLongestWait));
 }
@@ -64,7 +64,7 @@ absl::Status SqlJobStore::AdvanceServiceTime(absl::Duration by) {
                                                    absl::FormatDuration(kLongestWait), ", not by ",
                                                    absl::FormatDuration(by)));
   }
-  // Only one of several processes counts: time would else run as many times as fast.
+  // Only one of several processes advances the time; otherwise it would run too fast.
   if (!database_->Holds("service_time")) return absl::OkStatus();
   return Write([&](SqlTransaction& sql) -> absl::Status {
     sql.Run("UPDATE counter SET value = value + $1 WHERE name = 'service_us'",

@@ -14,7 +14,7 @@ namespace sightline {
 
 using SteadyClock = std::function<std::chrono::steady_clock::time_point()>;
 
-// Makes or migrates the tables. `clock` spaces progress events. Errors as those of
+// Makes or migrates the tables. `clock` limits the rate of progress events. Errors as for
 // OpenSqliteJobStore and OpenPostgresJobStore.
 absl::StatusOr<std::unique_ptr<PlanningJobStore>> OpenSqlJobStore(
     std::unique_ptr<SqlDatabase> database,

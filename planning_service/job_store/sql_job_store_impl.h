@@ -29,7 +29,7 @@
 namespace sightline {
 
 inline constexpr absl::Duration kLongestWait = absl::Hours(24 * 365);
-// Rows of one answer.
+// Most rows in one answer.
 inline constexpr int kMaxRows = 10'000;
 
 // Status of a Status or StatusOr.
@@ -39,7 +39,7 @@ const absl::Status& StatusOf(const absl::StatusOr<T>& result) {
   return result.status();
 }
 
-// Two connections, so that who reads does not wait until a write is on disk.
+// Has two connections, so that reads do not wait until a write is on disk.
 class SqlJobStore : public PlanningJobStore {
  public:
   SqlJobStore(std::unique_ptr<SqlDatabase> database, std::unique_ptr<SqlConnection> writer,
@@ -92,8 +92,8 @@ class SqlJobStore : public PlanningJobStore {
   template <typename Body>
   using ResultOf = std::invoke_result_t<Body, SqlTransaction&>;
 
-  // Runs `body(sql)` in a transaction; its result, unless a statement or the commit fails. An error
-  // of the body undoes everything.
+  // Runs `body(sql)` in a transaction. Returns its result, or the error of a statement or of the
+  // commit. An error of the body undoes everything.
   template <typename Body>
   static ResultOf<Body> InTransaction(SqlConnection* connection, SqlAccess access, Body body) {
     SIGHTLINE_RETURN_IF_ERROR(connection->Begin(access));
@@ -123,13 +123,13 @@ class SqlJobStore : public PlanningJobStore {
       std::lock_guard lock(write_mutex_);
       return InTransaction(writer_.get(), SqlAccess::kWrite, std::move(body));
     }();
-    // After an error too: a commit whose answer was lost may have happened.
+    // Also after an error: a commit whose answer was lost may have succeeded.
     Changed();
     return result;
   }
 
-  // As Write, with `body(sql, owner)`. Jobs of an owner number that was lost with its connection
-  // get the new one, unless another process has taken them meanwhile.
+  // As Write, with `body(sql, owner)`. If the owner number has changed with the connection, jobs of
+  // the old number get the new one, unless another process has taken them meanwhile.
   template <typename Body>
   auto WriteAsOwner(Body body) -> std::invoke_result_t<Body, SqlTransaction&, int64_t> {
     SIGHTLINE_ASSIGN_OR_RETURN(const int64_t owner, database_->Owner());
@@ -149,7 +149,7 @@ class SqlJobStore : public PlanningJobStore {
     return result;
   }
 
-  // Runs `body(sql, job)` for the job of an attempt that is its current one.
+  // Runs `body(sql, job)` if the attempt is the job's current one; else ABORTED.
   template <typename Body>
   auto WriteAttempt(const Attempt& attempt, Body body)
       -> std::invoke_result_t<Body, SqlTransaction&, PlanningJob*> {
@@ -169,28 +169,28 @@ class SqlJobStore : public PlanningJobStore {
   void Changed();
   int64_t Changes();
 
-  // Until the number of changes is another than `seen`, something may have happened elsewhere, or
-  // `end`.
+  // Waits until the number of changes differs from `seen`, another process may have made a change,
+  // or `end` is reached.
   void AwaitChange(int64_t seen, std::chrono::steady_clock::time_point end);
 
-  // When a wait that begins now ends.
+  // End of a wait that begins now.
   static std::chrono::steady_clock::time_point EndOf(absl::Duration timeout);
 
   const std::unique_ptr<SqlDatabase> database_;
   const SteadyClock clock_;
 
   std::mutex write_mutex_;
-  const std::unique_ptr<SqlConnection> writer_;  // by write_mutex_, as all up to the next mutex
-  // Numbers under which jobs of this store may stand.
+  const std::unique_ptr<SqlConnection> writer_;  // guarded by write_mutex_, as the next two
+  // Owner numbers that jobs of this store may have.
   std::set<int64_t> own_numbers_;
   std::map<std::string, std::chrono::steady_clock::time_point> last_progress_event_;  // by job
 
   std::mutex read_mutex_;
-  const std::unique_ptr<SqlConnection> reader_;  // by read_mutex_
+  const std::unique_ptr<SqlConnection> reader_;  // guarded by read_mutex_
 
   std::mutex change_mutex_;
   std::condition_variable changed_;
-  int64_t changes_ = 0;  // by change_mutex_
+  int64_t changes_ = 0;  // guarded by change_mutex_
 };
 
 }  // namespace sightline

@@ -24,7 +24,7 @@ namespace {
 
 constexpr size_t kMaxFilterValues = 100;
 
-// Condition over a column and as many values as there are; adds these to `parameters`.
+// SQL condition that the column has one of `values`, which are added to `parameters`.
 std::string IsOneOf(const std::string& column, const std::vector<std::string>& values,
                     std::vector<SqlValue>* parameters) {
   std::vector<std::string> places;
@@ -35,7 +35,7 @@ std::string IsOneOf(const std::string& column, const std::vector<std::string>& v
   return absl::StrCat(column, " IN (", absl::StrJoin(places, ", "), ")");
 }
 
-// Places of all queued jobs in the queue, from 0.
+// Positions of all queued jobs in the queue, from 0.
 constexpr char kQueue[] =
     "(SELECT job_id AS queued_id, ROW_NUMBER() OVER (ORDER BY priority DESC, sequence) - 1"
     " AS jobs_ahead FROM job WHERE state = 'QUEUED') AS queue";

@@ -23,7 +23,7 @@ namespace {
 
 // Longest wait for another program that reads or copies the file.
 constexpr int kBusyTimeoutMs = 10'000;
-// Statements whose text depends on the number of values would pile up.
+// Limit, because texts that depend on the number of values would accumulate.
 constexpr size_t kMaxKeptStatements = 200;
 
 struct CloseDatabase {
@@ -104,7 +104,7 @@ class SqliteConnection : public SqlConnection {
                               const std::vector<SqlValue>& parameters) override {
     SIGHTLINE_ASSIGN_OR_RETURN(const auto statement, Prepare(sql));
     auto rows = Execute(statement, parameters);
-    // The statement must not keep a lock, nor the values of this call.
+    // Releases the lock and the values that the statement holds.
     sqlite3_reset(statement);
     sqlite3_clear_bindings(statement);
     return rows;
@@ -114,7 +114,7 @@ class SqliteConnection : public SqlConnection {
   SqliteConnection(std::string file, DatabaseHandle database)
       : file_(std::move(file)), database_(std::move(database)) {}
 
-  // Clients read it: where the file lies is no business of theirs.
+  // Clients read this message, so it does not name the path of the file.
   absl::Status Error(int code) const {
     return SqliteError(database_.get(), code, std::filesystem::path(file_).filename().string());
   }
@@ -134,7 +134,7 @@ class SqliteConnection : public SqlConnection {
   absl::StatusOr<SqlRows> Execute(sqlite3_stmt* statement,
                                   const std::vector<SqlValue>& parameters) {
     for (size_t i = 0; i < parameters.size(); ++i) {
-      // "$1" is a name to SQLite: its index depends on where it stands first.
+      // SQLite takes "$1" for a name; its index is the order of first occurrence.
       const int index = sqlite3_bind_parameter_index(statement, absl::StrCat("$", i + 1).c_str());
       if (index == 0) return absl::InternalError(absl::StrCat("parameter ", i + 1, " is unused"));
       if (const int code = Bind(statement, index, parameters[i]); code != SQLITE_OK) {
@@ -234,7 +234,7 @@ class SqliteDatabase : public SqlDatabase {
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<SqlDatabase>> OpenSqliteDatabase(const std::string& file) {
-  // Two names of one file must not have two locks.
+  // Resolves links, so that two names of one file have the same lock.
   std::error_code error;
   const std::filesystem::path canonical = std::filesystem::weakly_canonical(file, error);
   const std::string path = error ? file : canonical.string();
@@ -255,7 +255,7 @@ absl::StatusOr<std::unique_ptr<SqlDatabase>> OpenSqliteDatabase(const std::strin
   }
   auto database = std::make_unique<SqliteDatabase>(path, lock);
   SIGHTLINE_ASSIGN_OR_RETURN(auto connection, database->Connect());
-  // A damaged page would else show only when a job on it is asked for.
+  // Finds damaged pages now; otherwise they would show only when their jobs are read.
   SIGHTLINE_ASSIGN_OR_RETURN(const auto check, connection->Run("PRAGMA quick_check(1)", {}));
   if (check.size() != 1 || check.front().Text(0) != "ok") {
     return absl::DataLossError(absl::StrCat(
@@ -273,7 +273,7 @@ absl::Status CopySqliteDatabase(const std::string& file, const std::string& to) 
   std::filesystem::remove(part, error);
   sqlite3* from_opened = nullptr;
   sqlite3* to_opened = nullptr;
-  // Not read-only: readers of a database with a write-ahead log write to its index.
+  // Not opened read-only: readers of a database with a write-ahead log write to its index.
   const int from_code =
       sqlite3_open_v2(file.c_str(), &from_opened,
                       SQLITE_OPEN_READWRITE | SQLITE_OPEN_NOMUTEX | SQLITE_OPEN_EXRESCODE, nullptr);
@@ -288,7 +288,7 @@ absl::Status CopySqliteDatabase(const std::string& file, const std::string& to) 
   sqlite3_busy_timeout(from_opened, kBusyTimeoutMs);
   sqlite3_backup* backup = sqlite3_backup_init(to_opened, "main", from_opened, "main");
   if (backup == nullptr) return SqliteError(to_opened, sqlite3_errcode(to_opened), part);
-  // All at once: a single reading transaction.
+  // Copies all pages in one step, which is a single reading transaction.
   sqlite3_backup_step(backup, -1);
   const int code = sqlite3_backup_finish(backup);
   copy.reset();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// SQLite behind the interface of SQL databases.
+// SQLite as an SqlDatabase.
 #pragma once
 
 #include <memory>
@@ -10,15 +10,15 @@
 
 namespace sightline {
 
-// Opens the database file, or makes it in a folder that is there. The file FILE.lock beside it is
-// locked as long as the object lives, so one process has it at a time; the kernel lets go of the
-// lock however the process ends. FAILED_PRECONDITION: another one has it. DATA_LOSS: the file is
-// damaged.
+// Opens the database file, or makes it in an existing folder. The object holds a lock on the file
+// FILE.lock beside it, so only one process has the database at a time; the kernel releases the
+// lock when the process ends, even by a crash. FAILED_PRECONDITION: another process has it.
+// DATA_LOSS: the file is damaged.
 absl::StatusOr<std::unique_ptr<SqlDatabase>> OpenSqliteDatabase(const std::string& file);
 
-// Copies a database, as it is at one moment, to a new file, which is complete or not there; another
-// process may have it open and write to it meanwhile. NOT_FOUND: there is none. DATA_LOSS: it is
-// damaged.
+// Copies a database, in its state at one moment, to a new file; after an error there is no file.
+// Another process may have the database open and write to it. NOT_FOUND: there is no database.
+// DATA_LOSS: it is damaged.
 absl::Status CopySqliteDatabase(const std::string& file, const std::string& to);
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bytes of uploads that have not ended, by client, so that quotas count them while they arrive.
+// Counts bytes of unfinished uploads by client, so that quotas include them while they arrive.
 #pragma once
 
 #include <cstdint>
@@ -10,11 +10,11 @@
 
 namespace sightline {
 
-// Thread-safe. Counts the uploads of this process: of several servers on one database each has its
-// own.
+// Thread-safe. Counts only the uploads of this process, even if several servers share one
+// database.
 class ArrivingBytes {
  public:
-  // The bytes of one upload; they count as long as it lives.
+  // The bytes of one upload; they count as long as this object exists.
   class Upload {
    public:
     Upload(ArrivingBytes* all, std::string client) : all_(all), client_(std::move(client)) {}
@@ -25,12 +25,12 @@ class ArrivingBytes {
     Upload& operator=(Upload&&) = delete;
     ~Upload() { Release(); }
 
-    // Adds bytes; returns the present bytes of all uploads of the client.
+    // Adds bytes; returns the current bytes of all uploads of the client.
     int64_t Add(int64_t bytes) {
       size_bytes_ += bytes;
       return all_->Change(client_, bytes);
     }
-    // Takes the bytes of this upload away again.
+    // Subtracts the bytes of this upload again.
     void Release() { all_->Change(client_, -std::exchange(size_bytes_, 0)); }
 
    private:

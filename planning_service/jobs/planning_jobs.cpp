@@ -27,10 +27,10 @@ constexpr int kDefaultPage = 100;
 constexpr int kLargestPage = 1000;
 constexpr int kLeastPriority = -100;
 constexpr int kMostRecipes = 1000;
-// A task is text that people or programs wrote: shot lists of a few thousand images fit.
+// A task is a text by people or programs; shot lists of a few thousand images fit.
 constexpr size_t kMaxTaskBytes = 16 << 20;
 constexpr int64_t kMaxTaskFileBytes = 16 << 20;
-// Bytes that are read at a time while a file's text is scanned.
+// Piece size for scanning a file's text [bytes].
 constexpr int64_t kScannedPieceBytes = 1 << 20;
 constexpr char kPlanResult[] = "plan.json";
 
@@ -87,7 +87,7 @@ absl::Status NotFinished(const std::string& job_id) {
                        "JOB_NOT_FINISHED");
 }
 
-// An error of the artefact store as a client may see it. Its paths are the server's own business.
+// Converts an error of the artefact store for clients, who must not see paths of the server.
 absl::Status StoringFailed(const absl::Status& status) {
   if (status.ok() || absl::IsInvalidArgument(status)) return status;
   spdlog::error("event=storing_failed error={:?}", status.ToString());
@@ -202,7 +202,7 @@ absl::StatusOr<JobFile> FileUpload::Finish(const std::string& expected_digest) {
                            stored_bytes_ + file.size_bytes, client_.quota.max_stored_bytes);
     }
   }
-  // From here on the store counts the file: another upload must not meet it twice.
+  // The store counts the file from now on, so it must not count as arriving any more.
   arriving_.Release();
   SIGHTLINE_RETURN_IF_ERROR(store_->AddUpload(client_.name, file, client_.quota));
   return file;
@@ -313,7 +313,7 @@ absl::StatusOr<PlanningJob> PlanningJobs::Create(const Client& client,
 absl::StatusOr<PlanningJob> PlanningJobs::Get(const Client& client, const std::string& job_id) {
   absl::StatusOr<PlanningJob> job = store_->Get(job_id);
   if (absl::IsNotFound(job.status())) return UnknownJob(job_id);
-  // Another client's job is as unknown as one that never was.
+  // A job of another client gets the same answer as a job that does not exist.
   if (job.ok() && job->client != client.name && !client.is_operator) return UnknownJob(job_id);
   return job;
 }
@@ -381,7 +381,7 @@ absl::StatusOr<std::vector<JobEvent>> PlanningJobs::WaitForEvents(const Client& 
   constexpr int kMostAtOnce = 100;
   const absl::Time start = absl::Now();
   while (true) {
-    // The revision first: an event that comes after it ends the wait.
+    // The revision is read first, so that any later event ends the wait.
     SIGHTLINE_ASSIGN_OR_RETURN(auto job, Get(client, job_id));
     auto events = store_->Events(sequence, job_id, kMostAtOnce);
     if (!events.ok() || !events->empty() || job.IsFinished()) return events;
@@ -405,7 +405,7 @@ absl::StatusOr<OpenResult> PlanningJobs::Result(const Client& client, const std:
     if (file.name != name) continue;
     auto path = artefacts_->CheckedPath(file.digest);
     if (!path.ok()) {
-      // The path is the server's own business.
+      // Clients must not see the path, so only the log has it.
       spdlog::error("event=result_damaged job={} result={:?} error={:?}", job_id, name,
                     std::string(path.status().message()));
       return absl::DataLossError(absl::StrCat("the bytes of result ", file.name, " of job ", job_id,

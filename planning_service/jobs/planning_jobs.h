@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Requests of clients to the planning service, through any front end: checks of task and
-// client, then store and artefacts.
+// Handles requests of clients to the planning service, for all front ends: checks task and client,
+// then uses job store and artefact store.
 #pragma once
 
 #include <cstdint>
@@ -23,17 +23,18 @@ namespace sightline {
 
 v1::PlanningJob PlanningJobToProto(const PlanningJob& job);
 
-// A file on its way in, counted against its client. Bytes beyond the client's quota are not stored;
-// they still count for the digest, because a file that the client has already takes no more room.
+// A file that is being uploaded, counted towards its client's quota. Bytes beyond the quota are not
+// stored but still count for the digest: a file that the client has already takes no more space.
 class FileUpload {
  public:
-  // `stored_bytes`: bytes of the client without the uploads under way.
+  // `stored_bytes`: bytes that the client stores, without running uploads.
   FileUpload(PlanningJobStore* store, Client client, std::unique_ptr<ArtefactWriter> writer,
              int64_t stored_bytes, ArrivingBytes* arriving);
   // RESOURCE_EXHAUSTED, reasons UPLOAD_TOO_LARGE, DISK_FULL.
   absl::Status Write(const std::string& bytes);
-  // Digest and size; `name` is empty. INVALID_ARGUMENT, reason DIGEST_MISMATCH, if
-  // `expected_digest` is given and another; RESOURCE_EXHAUSTED, reason QUOTA_EXCEEDED.
+  // Completes the upload; returns digest and size, with an empty `name`. INVALID_ARGUMENT, reason
+  // DIGEST_MISMATCH: `expected_digest` is given and differs. RESOURCE_EXHAUSTED, reason
+  // QUOTA_EXCEEDED.
   absl::StatusOr<JobFile> Finish(const std::string& expected_digest);
 
  private:
@@ -45,7 +46,7 @@ class FileUpload {
   bool over_quota_ = false;
 };
 
-// A result that can be read piece by piece.
+// A result file that can be read piece by piece.
 struct OpenResult {
   JobFile file;
   std::string path;  // of the complete file
@@ -78,8 +79,8 @@ class PlanningJobs {
                                                       absl::Duration timeout);
   // As PlanningJobStore::NewestEvent.
   absl::StatusOr<int64_t> NewestEvent() { return store_->NewestEvent(); }
-  // Whether a receiver that names this id as its last one has missed only the events after it. Not
-  // so if the id was never given, was lost by a restore, or was removed.
+  // True if an event has this id, so that a receiver whose last id it is has missed only the events
+  // after it. False if the id was never given, was lost by a restore, or was removed.
   absl::StatusOr<bool> KnowsEvent(int64_t sequence);
   // FAILED_PRECONDITION, reason JOB_NOT_FINISHED; NOT_FOUND, reasons JOB_UNKNOWN, RESULT_UNKNOWN;
   // DATA_LOSS: the bytes on disk are not those that were stored.

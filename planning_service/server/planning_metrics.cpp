@@ -17,7 +17,7 @@ namespace {
 
 const prometheus::Histogram::BucketBoundaries kJobBuckets_s = {
     1, 2, 5, 10, 30, 60, 120, 300, 600, 1800, 3600, 2 * 3600, 6 * 3600, 24 * 3600};
-// Events per query, and queries per scrape: the rest is counted by the next one.
+// Most events per query and most queries per scrape; the next scrape counts the rest.
 constexpr int kEventsPerPage = 1000;
 constexpr int kMostPages = 50;
 
@@ -28,7 +28,7 @@ const std::map<std::string, std::string>& Outcomes() {
   return outcomes;
 }
 
-// Sequence of the newest event; 0: there is none. By halving: the store may keep millions.
+// Sequence of the newest event; 0: there is none. Bisection, because the store may keep millions.
 absl::StatusOr<int64_t> NewestEvent(PlanningJobStore* store) {
   int64_t low = 0;
   int64_t high = std::numeric_limits<int64_t>::max() / 2;
@@ -70,7 +70,7 @@ PlanningMetrics::PlanningMetrics()
                  .Register(*registry())),
       attempts_(prometheus::BuildCounter()
                     .Name("sightline_job_attempts_total")
-                    .Help("Attempts of jobs that ended; more than jobs where attempts broke off")
+                    .Help("Attempts of ended jobs, including attempts that broke off")
                     .Register(*registry())),
       seconds_(prometheus::BuildHistogram()
                    .Name("sightline_job_seconds")
@@ -113,7 +113,7 @@ absl::Status PlanningMetrics::CountEnded() {
         const std::string& kind = event.job.kind;
         ended_.Add({{"kind", kind}, {"outcome", outcome->second}}).Increment();
         attempts_.Add({{"kind", kind}}).Increment(event.job.attempts);
-        // Times are not part of events. A job that retention has removed has none any more.
+        // Events do not hold times; the job does, unless retention has removed it.
         if (const auto job = store_->Get(event.job.job_id);
             job.ok() && job->state == JobState::kSucceeded) {
           seconds_.Add({{"kind", kind}}, kJobBuckets_s)

@@ -13,19 +13,19 @@
 
 namespace sightline {
 
-// Jobs are read from the store on every scrape, so that they are right in whatever process jobs
-// run; how they ended is counted from the store's events since this process began. Services that
+// Every scrape reads the jobs from the store, so that the numbers are right whichever process runs
+// them. Ends of jobs are counted from the store's events since this process began. Services that
 // share a database all show the same jobs. Thread-safe.
 class PlanningMetrics final : public ServerMetrics {
  public:
   PlanningMetrics();
 
-  // Sets the store that scrapes ask; it must outlive them. Before that they show calls alone.
+  // Sets the store that scrapes read; it must outlive them. Before that they show only calls.
   void SetStore(PlanningJobStore* store);
 
   std::shared_ptr<prometheus::Collectable> collectable() override { return collectable_; }
 
-  // Brings all values up to date; `sightline_job_store_up` tells whether the store answered.
+  // Updates all values; `sightline_job_store_up` is 1 if the store has answered.
   void Refresh();
 
  private:

@@ -46,8 +46,8 @@ absl::Status MakeFolder(const std::string& folder) {
   return absl::InvalidArgumentError(absl::StrCat("--data ", folder, ": ", error.message()));
 }
 
-// A server that other machines reach needs TLS, and rules of who may do what: without, everybody is
-// an operator.
+// A server that other machines reach needs TLS and a clients file or client CA; without these
+// everybody would be an operator.
 absl::Status CheckExposure(const PlanningServerOptions& options) {
   const bool has_tls = !options.rpc.tls_certificate_file.empty();
   const bool knows_clients =
@@ -145,7 +145,7 @@ class PlanningServerImpl final : public PlanningServer {
     } else {
       SIGHTLINE_ASSIGN_OR_RETURN(access_, ReadClientAccess(options.clients_file));
     }
-    // Jobs that ran when an earlier server ended.
+    // Requeues jobs that ran when an earlier server ended.
     SIGHTLINE_RETURN_IF_ERROR(store_->RequeueOrphans().status());
     jobs_ = std::make_unique<PlanningJobs>(store_.get(), artefacts_.get());
     service_ = std::make_unique<PlanningServiceImpl>(jobs_.get(), access_.get(), &calls_);
@@ -164,7 +164,7 @@ class PlanningServerImpl final : public PlanningServer {
     runner.work_folder = fs::absolute(work_folder).string();
     runner.step_cache_folder = fs::absolute(options.data_folder + "/step_cache").string();
     runner.hidden_folders = {data_folder, TemporaryBase()};
-    // Schedulers' tools name their settings, which are there.
+    // Messages of the schedulers' tools name their configuration files, which are in HOME.
     if (const char* home = std::getenv("HOME")) runner.hidden_folders.push_back(home);
     runner.workers = options.workers;
     runner.parts = options.parts;
@@ -228,7 +228,7 @@ class PlanningServerImpl final : public PlanningServer {
     return absl::OkStatus();
   }
 
-  // In the order in which they need each other; they end the other way round.
+  // Each member needs the ones before it; members are destroyed in reverse order.
   PlanningMetrics metrics_;
   CallTracker calls_;
   std::unique_ptr<PlanningJobStore> store_;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// All of the planning service in one process: stores, front ends, execution, events.
+// The planning service in one process: stores, front ends, execution, events.
 #pragma once
 
 #include <cstdint>
@@ -18,20 +18,20 @@ namespace sightline {
 
 struct PlanningServerOptions {
   RpcServerOptions rpc;
-  // Jobs, artefacts and folders of running jobs; made if it is not there.
+  // Folder of jobs, artefacts and working folders of running jobs; made if it does not exist.
   std::string data_folder;
-  // libpq connection of a database that several servers share, which then share the data folder as
-  // well; empty: SQLite in the data folder, which then is this server's alone.
+  // libpq connection text of a database that several servers share; they share the data folder too.
+  // Empty: SQLite in the data folder, which then belongs to this server alone.
   std::string database;
   std::string http_listen;              // HOST:PORT; empty: no HTTP
   std::vector<std::string> http_hosts;  // names of this server in requests
-  std::string clients_file;             // empty: everybody may do all
+  std::string clients_file;             // empty: all rights for everybody
   std::string program;                  // path of `sightline`
   int workers = 1;                      // jobs at a time; 0: other servers of the database run them
   std::string runner = "local";         // runner of jobs: "local", "slurm", "kubernetes"
-  int parts = 1;                        // into how many a job is split that can be
+  int parts = 1;                        // most shards of a job that can be split
   SlurmOptions slurm;
-  // Without mount path: that of the data folder.
+  // If the mount path is empty, that of the data folder counts.
   KubernetesOptions kubernetes;
   int64_t max_job_memory_bytes = 0;  // 0: no limit
   absl::Duration max_job_time = absl::InfiniteDuration();

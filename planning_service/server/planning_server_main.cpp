@@ -31,7 +31,7 @@ void AddEventOptions(CLI::App& app, EventFlags* flags) {
       ->capture_default_str();
   app.add_option("--mqtt-credentials", flags->mqtt_credentials,
                  "File of two lines, user and password");
-  app.add_option("--mqtt-ca", flags->mqtt_ca, "PEM of who signed the broker's certificate");
+  app.add_option("--mqtt-ca", flags->mqtt_ca, "PEM file of the broker's authorities");
   app.add_option("--mqtt-cert", flags->mqtt_certificate, "PEM, our certificate for the broker");
   app.add_option("--mqtt-key", flags->mqtt_key, "PEM, its key");
   app.add_option(
@@ -39,7 +39,7 @@ void AddEventOptions(CLI::App& app, EventFlags* flags) {
       "URL to post job events to: https://, or http:// on this machine; may be repeated");
   app.add_option("--webhook-secret", flags->webhook_secret,
                  "File of the secret that signs them (HMAC-SHA256)");
-  app.add_option("--webhook-ca", flags->webhook_ca, "PEM of who signed the receiver's certificate");
+  app.add_option("--webhook-ca", flags->webhook_ca, "PEM file of the receiver's authorities");
   NeedOption(app, {"--mqtt-prefix", "--mqtt-credentials", "--mqtt-ca", "--mqtt-cert", "--mqtt-key"},
              "--mqtt");
   NeedOption(app, {"--webhook-secret", "--webhook-ca"}, "--webhook");
@@ -124,8 +124,8 @@ void FillEventOptions(const EventFlags& flags, bool allow_plaintext,
 int PlanningServerMain(int argc, char** argv) {
   // Parts, tasks and results are their clients' secrets: nothing is readable by other users.
   umask(S_IRWXG | S_IRWXO);
-  // Every thread may get an arena of its own, which keeps what large bodies have freed: two arenas,
-  // and blocks from 1 MiB on go back to the system at once (mallopt(3)).
+  // Every thread may get an arena, which keeps memory that large bodies have freed. So there are
+  // two arenas, and blocks from 1 MiB on return to the system at once (mallopt(3)).
   mallopt(M_ARENA_MAX, 2);
   mallopt(M_MMAP_THRESHOLD, 1 << 20);
   PlanningServerOptions options;
@@ -168,10 +168,10 @@ int PlanningServerMain(int argc, char** argv) {
     AddRunnerOptions(app, &options, &cpus);
     AddEventOptions(app, &events);
   };
-  // Its jobs are processes, which have to be ended too.
+  // The processes of the jobs have to be ended too.
   program.stop_within = absl::Seconds(8);
   program.start = [&]() -> absl::StatusOr<std::unique_ptr<RunningServer>> {
-    // Jobs are commands of `sightline`, whichever program carries them out.
+    // Jobs are commands of the program `sightline`, also if another program serves.
     options.program = FindProgram("sightline").string();
     if (access(options.program.c_str(), X_OK) != 0) {
       return absl::NotFoundError(
@@ -185,7 +185,7 @@ int PlanningServerMain(int argc, char** argv) {
     options.keep_finished = absl::Hours(24 * retention_days);
     FillEventOptions(events, options.rpc.allow_plaintext, &options);
     SIGHTLINE_ASSIGN_OR_RETURN(auto server, StartPlanningServer(options));
-    // Comes before the line that says that the server listens.
+    // Printed before the line "listening on ADDRESS".
     if (const std::string url = server->http_url(); !url.empty()) {
       std::printf("%s\n", url.c_str());
     }

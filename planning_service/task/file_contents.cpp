@@ -27,9 +27,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Some two seconds of one core.
+// Scanning this much takes about two seconds of one core.
 constexpr size_t kMostScannedBytes = size_t{64} << 20;
-// A parsed document takes some ten times its size.
+// A parsed document takes about ten times its size in memory.
 constexpr size_t kMostQifBytes = size_t{4} << 20;
 
 // A file that has a unit, and the fields that state both.
@@ -62,7 +62,7 @@ absl::Status Violates(const std::string& field, const std::string& description) 
   return WithErrorInfo(InvalidFields({{field, description}}), "INVALID_FIELD");
 }
 
-// The bytes of a file, as many as `most` and one.
+// The first `most` + 1 bytes of a file.
 absl::StatusOr<std::string> BytesOf(const std::string& file, size_t most,
                                     const TaskFilePieces& read) {
   std::string bytes;
@@ -155,7 +155,7 @@ absl::Status CheckQif(const std::string& task_kind, const FileWithUnit& file,
 
 absl::Status CheckFileContents(const v1::PlanningTask& task, const std::vector<std::string>& files,
                                const TaskFilePieces& read) {
-  // Results by file and by whether it was passed over to its end.
+  // Results by file and by whether the whole file was scanned.
   std::map<std::pair<std::string, bool>, StepText> scanned;
   for (const FileWithUnit& file : FilesOfTask(task)) {
     SIGHTLINE_ASSIGN_OR_RETURN(const auto begin, BytesOf(file.file, 0, read));

@@ -58,7 +58,7 @@ constexpr OptionField kDiagnose[] = {
     {"--exclude", "diagnose_options.excluded_effects"},
     {"--max-effects", "diagnose_options.max_effects"},
 };
-// Options of every kind of task, and those that messages about files name.
+// Options that all kinds of tasks have, and options that messages about files name.
 constexpr OptionField kCommon[] = {
     {"--seed", "seed"},
     {"--plan", "plan"},
@@ -79,7 +79,7 @@ bool IsOptionCharacter(char c) {
          absl::ascii_isdigit(static_cast<unsigned char>(c));
 }
 
-// Without remarks in brackets on how one says the same to other commands: " (--unit of `sightline
+// Removes remarks in brackets about the options of other commands: " (--unit of `sightline
 // part`)".
 std::string WithoutOtherCommands(std::string_view message) {
   std::string text;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The fields of a task and the options of the command that answers it: one table, which makes
-// command lines (planning_task.cpp) and translates messages of commands for clients, who know the
-// fields and not the options.
+// One table of the fields of a task and the options of the command that carries it out. It serves
+// to make command lines (planning_task.cpp) and to translate messages of commands for clients, who
+// know the fields but not the options.
 #pragma once
 
 #include <span>
@@ -21,8 +21,8 @@ std::span<const OptionField> OptionFields(std::string_view kind);
 // The option for a field of that kind. The field must be in the table.
 std::string OptionOf(std::string_view kind, std::string_view field);
 
-// `message` of a command with fields in the place of its options, and without brackets about other
-// commands ("(--unit of `sightline part`)"). Other words that begin with
+// Replaces options in the `message` of a command by the names of fields, and removes remarks in
+// brackets about other commands ("(--unit of `sightline part`)"). Other words that begin with
 // hyphens stay.
 std::string WithFieldNames(std::string_view kind, std::string_view message);
 

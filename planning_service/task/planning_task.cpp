@@ -217,7 +217,7 @@ absl::Status CheckKind(const v1::PlanningTask& task) {
     }
   }
   if (task.has_seed() && !rule.seed) {
-    return Invalid("seed", absl::StrCat("nothing of a task of kind ", task.kind(), " is drawn"));
+    return Invalid("seed", absl::StrCat("has no effect: kind ", task.kind(), " draws nothing"));
   }
   return absl::OkStatus();
 }
@@ -244,7 +244,7 @@ absl::Status CheckPlanOptions(const v1::PlanJobOptions& options) {
     s.Update(InRange<int64_t>(in + "bound_evaluations", options.bound_evaluations(), 0, 100000000));
   }
   if (options.has_starts()) s.Update(InRange(in + "starts", options.starts(), 1, 1000));
-  // The command knows the strategies; an argument must not look like an option.
+  // Only the command knows the strategies. The value must not look like an option.
   for (const char c : options.strategy()) {
     if (!absl::ascii_isalnum(static_cast<unsigned char>(c)) && c != '-') {
       return Invalid(in + "strategy", "may have letters, digits and hyphens only");
@@ -394,7 +394,7 @@ absl::Status WithoutFolder(const absl::Status& status, const std::string& folder
   return {status.code(), text};
 }
 
-// Names in material files are relative to these: found again below the inspection's folder.
+// Names in material files are relative to the material file; below `folder` they are found again.
 absl::Status CheckMaterialFiles(const v1::Inspection& inlined, const std::string& folder,
                                 const std::set<std::string>& files) {
   for (int i = 0; i < inlined.materials_size(); ++i) {
@@ -484,7 +484,7 @@ absl::Status CheckTask(const v1::PlanningTask& task, const std::vector<std::stri
     }
     if (!names.insert(files[i]).second) return Invalid(field, "is there twice: " + files[i]);
   }
-  // A file cannot be a folder of another one.
+  // A file name must not be the folder of another file.
   for (const std::string& name : names) {
     for (size_t slash = name.find('/'); slash != std::string::npos;
          slash = name.find('/', slash + 1)) {
@@ -499,9 +499,10 @@ absl::Status CheckTask(const v1::PlanningTask& task, const std::vector<std::stri
   }
   std::vector<NamedFile> named;
   CollectFiles(task, "", 0, &named);
-  // A plan names files that were used when it was made; nothing reads them.
+  // A plan names files that were used when it was made; the job does not read them.
   std::erase_if(named, [](const NamedFile& name) { return absl::StartsWith(name.field, "plan."); });
-  // So do recordings of a part: the mesh is that of diagnose_options.part_file or the inspection.
+  // The same holds for recordings of a part: the mesh comes from diagnose_options.part_file or the
+  // inspection.
   std::erase_if(named, [](const NamedFile& name) {
     return absl::StartsWith(name.field, "recordings.part.file");
   });
@@ -553,11 +554,11 @@ class Arguments {
  public:
   Arguments(std::string kind, std::vector<std::string> first)
       : kind_(std::move(kind)), list_(std::move(first)) {}
-  // A word of its own.
+  // Adds a word without a value if `on`.
   void Word(const std::string& word, bool on) {
     if (on) list_.push_back(word);
   }
-  // As one argument: a value that begins with a hyphen is no option.
+  // Adds "option=value" as one argument, so that a value that begins with a hyphen is no option.
   template <typename T>
   void Option(const std::string& option, const T& value) {
     list_.push_back(absl::StrCat(option, "=", Text(value)));
@@ -679,8 +680,7 @@ std::vector<std::string> TaskArguments(const v1::PlanningTask& task, const std::
   return arguments.Take();
 }
 
-// Into how many parts the task may be split: neither images nor the starts of a plan depend on each
-// other.
+// Most shards of the task: its images, or the starts of a plan, are independent of each other.
 int MostParts(const v1::PlanningTask& task) {
   if (task.kind() == "plan") return std::max(1, task.plan_options().starts());
   if (task.kind() != "render") return 1;

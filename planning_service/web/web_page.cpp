@@ -20,7 +20,7 @@ std::vector<WebPageFile> WebPage() {
       {"/assets/page.js", kScript, SIGHTLINE_EMBEDDED(sightline_web_script)},
       {"/assets/part_reader.js", kScript, SIGHTLINE_EMBEDDED(sightline_web_part_reader)},
       {"/assets/icon.svg", "image/svg+xml", SIGHTLINE_EMBEDDED(sightline_web_icon)},
-      // A service worker is in charge of the folder it comes from.
+      // A service worker controls the folder from which it is loaded.
       {"/results_worker.js", kScript, SIGHTLINE_EMBEDDED(sightline_web_results_worker)},
   };
 }

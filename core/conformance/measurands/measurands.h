@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Fits of the kinds of characteristics, a file each. All take the frame of the feature's targets
-// and the characteristic; FitCharacteristic calls the one of its kind. Errors as FitCharacteristic.
+// Fits of characteristics, one file per kind. All take the frame of the feature's targets and the
+// characteristic; FitCharacteristic calls the fit of its kind. Errors as FitCharacteristic.
 #pragma once
 
 #include <span>
@@ -12,18 +12,18 @@
 
 namespace sightline {
 
-// Flatness, straightness, roundness, cylindricity: range of what the fit of each surface leaves.
-// Straightness and roundness are those of all lines and sections together, which bounds each. With
-// the association kChebyshev the width of the minimum zone.
+// Flatness, straightness, roundness, cylindricity: range of the residuals of the fit of each
+// surface. Straightness and roundness are evaluated for all lines and sections together, which is
+// an upper bound for each. With the association kChebyshev, the width of the minimum zone.
 absl::StatusOr<CharacteristicFit> FitForm(const MotionFrame& frame, const Characteristic& c);
 
-// Profiles: deviation of every target from the model where the datum system lies. With the
-// association kChebyshev twice the largest |deviation| after the motion that makes it least.
+// Profiles: deviation of every target from the model in the datum system. With the association
+// kChebyshev, twice the largest |deviation| after the motion that minimises it.
 absl::StatusOr<CharacteristicFit> FitProfile(const MotionFrame& frame, const Characteristic& c);
 
 // Position, coaxiality, concentricity, symmetry: displacement of an axis at its ends, of a centre
 // or of a median plane at its edges, in the worst direction, relative to the datum system. With a
-// material requirement less what the surface's own size gives (ISO 2692).
+// material requirement, minus the bonus of the surface's own size (ISO 2692).
 absl::StatusOr<CharacteristicFit> FitPosition(const MotionFrame& frame, const Characteristic& c);
 
 // Parallelism, perpendicularity, angularity: fall of axis or plane over the surface relative to the
@@ -31,8 +31,8 @@ absl::StatusOr<CharacteristicFit> FitPosition(const MotionFrame& frame, const Ch
 absl::StatusOr<CharacteristicFit> FitOrientation(const MotionFrame& frame, const Characteristic& c);
 
 // Circular and total run-out: range of deviations about the axis of the datum system, with the
-// offset of each surface fitted out, and for circular run-out its slope along the axis too. All
-// sections together bound each.
+// offset of each surface fitted out, and for circular run-out its slope along the axis too. The
+// value of all sections together bounds that of each.
 absl::StatusOr<CharacteristicFit> FitRunout(const MotionFrame& frame, const Characteristic& c);
 
 // Diameters, radii, widths and distances between two surfaces.
@@ -48,8 +48,8 @@ absl::StatusOr<CharacteristicFit> FitAngle(const MotionFrame& frame, const Chara
 absl::StatusOr<MotionEstimate> DatumMotion(const MotionFrame& frame, const Characteristic& c,
                                            bool remaining_with_sizes);
 
-// Estimates of each surface by itself, stacked: its twist (6 rows), then its sizes; behind them
-// all, if given, the datum system's twist.
+// Stacked estimates of single surfaces: for each its twist (6 rows), then its sizes; at the end, if
+// given, the twist of the datum system.
 struct StackedEstimates {
   Eigen::MatrixXd estimator;
   std::vector<Eigen::Index> first_row;  // of each surface; then of the datum system
@@ -66,7 +66,7 @@ std::vector<int> TolerancedTargets(const Characteristic& c);
 double ExtentAlong(const MotionFrame& frame, const FeatureElement& element,
                    const Eigen::Vector3d& d);
 
-// Whether material surrounds the surface: a bore or slot, not a pin or wall.
+// True if material surrounds the surface: a bore or slot, not a pin or wall.
 bool IsInner(const MotionFrame& frame, const FeatureElement& element);
 
 // Growth of half the size of a cylinder, sphere or width per unit of its column of SizeColumns: -1

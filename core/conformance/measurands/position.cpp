@@ -24,7 +24,7 @@ std::vector<Vector3d> DirectionsAround() {
   return directions;
 }
 
-// Displacements of what stands for the surface: axis, centre, or (median) plane.
+// Displacements of the surface's derived feature: axis, centre or (median) plane.
 std::vector<TwistRow> Displacements(const MotionFrame& frame, const FeatureElement& element) {
   const NominalSurface& s = element.surface;
   std::vector<TwistRow> rows;

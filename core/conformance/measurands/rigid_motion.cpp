@@ -16,8 +16,8 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-// Motions that raise the targets by less than this share of themselves (root mean square) do not
-// move the surface: rounding of positions in single precision is below 1e-7.
+// Motions that displace the targets along their normals by less than this fraction of themselves
+// (root mean square) do not move the surface; rounding of single precision is below 1e-7.
 constexpr double kUnmoved = 1e-6;
 
 // Rigid rows and size columns of a group's targets; row k belongs to columns[k] of estimators.

@@ -17,7 +17,7 @@ namespace sightline {
 
 using TwistRow = Eigen::Matrix<double, 1, 6>;
 
-// The targets of a feature and where motions are described.
+// The targets of a feature, and the reference frame of motions.
 class MotionFrame {
  public:
   // `feature` must outlive it. The centre is that of the elements' targets.
@@ -52,20 +52,20 @@ class MotionFrame {
 Eigen::MatrixXd SizeColumns(const MotionFrame& frame, const FeatureElement& element,
                             std::span<const int> targets);
 
-// A twist as far as it is known from deviations h of the frame's used targets.
+// A twist, as far as deviations h of the frame's used targets determine it.
 struct MotionEstimate {
-  Eigen::MatrixXd fixed = Eigen::MatrixXd(6, 0);  // orthonormal columns: what is determined
+  Eigen::MatrixXd fixed = Eigen::MatrixXd(6, 0);  // orthonormal columns: determined motions
   Eigen::MatrixXd estimator;                      // 6 x used: twist = estimator h
   Eigen::MatrixXd sizes;                          // sizes x used, in the order of the last group
 };
 
-// Nothing is known yet.
+// A twist of which nothing is determined yet.
 MotionEstimate UnknownMotion(const MotionFrame& frame);
 
-// Fits the degrees of freedom that are not fixed yet to a group of elements that move as one, by
-// least squares to what the fixed ones leave of their deviations; with the sizes of the elements or
-// without. FailedPrecondition: the used targets determine fewer degrees of freedom than all of the
-// elements' targets do.
+// Fits the degrees of freedom that are not fixed yet to a group of elements that move as one, with
+// or without the sizes of the elements: least squares on the deviations that the fixed degrees of
+// freedom leave. FailedPrecondition: the used targets determine fewer degrees of freedom than all
+// of the elements' targets do.
 absl::Status FixRemaining(const MotionFrame& frame, std::span<const FeatureElement> group,
                           bool with_sizes, MotionEstimate& motion);
 

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// The surface of a part, out of the triangles of its file. This is rule 2 of
+// Makes the surface of a part from the triangles of its file. This is rule 2 of
 // core/part/part_digest.h.
 //
 // Only faces with area are surface. A face has no area if its height over its longest side is at
 // most a millionth of that side or 2^-20 of the part's largest coordinate (at most 4 um): rounding
-// decides about its normal. Everything that is taken from the mesh afterwards (size, hull, resting
-// faces, weld tolerance, digest) is the same with and without such faces and with and without
-// vertices that no face uses.
+// determines its normal. Size, hull, resting faces, weld tolerance and digest of the mesh do not
+// depend on such faces, nor on vertices that no face uses.
 //
 // Corners that coincide within 2^-22 of the largest coordinate of faces with area (at most 1 um)
 // are welded: exporters write the same corner once as 0 and once as 1e-9.
@@ -27,10 +26,10 @@ namespace sightline {
 // The mesh may be off by this much, in metres: by rounding to 32-bit coordinates, by welding.
 inline constexpr double kLargestMeshError_m = 1e-6;
 
-// `metres_per_unit`: of the coordinates in `raw`. `unit_advice`: remedy for a part of implausible
-// size ("state the unit of the file"). The result does not
-// change when it is written with all its digits, read and normalised again: both ends of an upload
-// compute the same digest. INVALID_ARGUMENT gives the reason: no face with area, a coordinate that
+// `metres_per_unit`: unit of the coordinates in `raw`. `unit_advice`: remedy for a part of
+// implausible size ("state the unit of the file"). The result is unchanged if it is written with
+// all its digits, read and normalised again, so that both ends of an upload compute the same
+// digest. INVALID_ARGUMENT states the reason: no face with area, a coordinate that
 // is not finite, an implausible size, or a part so far from the origin of its file that 32-bit
 // coordinates would be off by more than kLargestMeshError_m.
 absl::StatusOr<TriangleMesh> NormaliseMesh(const RawMesh& raw, double metres_per_unit,

@@ -19,9 +19,9 @@ struct ThinFace {
   std::array<bool, 3> lies_on_edge;
 };
 
-// Marks the faces of `thin` that have an edge with only one triangle, among `surface` and those
-// chosen before. Such a triangle adds no point to the surface but joins its edges; any other would
-// stand in the air.
+// Marks the faces of `thin` with an edge that has only one triangle, among `surface` and the faces
+// marked before. Such a triangle adds no point to the surface but closes its edges; other thin
+// triangles would not be attached to the surface.
 absl::StatusOr<std::vector<bool>> SealingFaces(std::span<const std::array<uint32_t, 3>> surface,
                                                std::span<const ThinFace> thin,
                                                const StopCheck& stop);

@@ -87,7 +87,7 @@ class VertexWelder {
     while (table_[slot].first != kNone && table_[slot].cell != cell) slot = (slot + 1) & mask;
     return slot;
   }
-  // By need: how many vertices differ is known only at the end.
+  // Grows on demand, because the number of distinct vertices is known only at the end.
   void Grow() {
     std::vector<Slot> old(2 * table_.size());
     old.swap(table_);
@@ -98,8 +98,8 @@ class VertexWelder {
 
   std::vector<Eigen::Vector3f>& positions_;
   float tolerance_m_;
-  // Another for every part, so that no file can be made whose cells share slots. Numbers do not
-  // depend on it.
+  // Random for every part, so that no file can be crafted whose cells share slots. The numbers of
+  // the vertices do not depend on it.
   const uint64_t seed_ = (uint64_t{std::random_device{}()} << 32) | std::random_device{}();
   std::vector<Slot> table_;
   size_t used_ = 0;

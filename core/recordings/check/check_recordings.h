@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Recognises bad input before anything is concluded from it: wrong files, wrong regions, numbers
-// that are not raw, recordings that contradict their description.
+// Finds bad input before a diagnosis uses it: wrong files, wrong regions, numbers that are not raw,
+// recordings that contradict their description.
 #pragma once
 
 #include <optional>
@@ -22,7 +22,7 @@ struct RecordingState {
   std::vector<std::string> remarks;  // errors and warnings about this recording, short
 };
 
-// All images hold numbers of fewer bits than the camera is said to have.
+// Describes images that hold numbers of fewer bits than the stated bit depth of the camera.
 struct NarrowNumbers {
   int bit_depth_bit = 8;
   int repeated_bit = 0;    // upper bits that are repeated below the number, to be shifted out
@@ -38,9 +38,9 @@ struct RecordingCheck {
   std::optional<NarrowNumbers> narrow;  // can be taken as such; among the errors until they are
 };
 
-// `raw_dn`: one image for every recording; an empty one could not be read and is passed over.
-// Physical effects (a bent response, glare, drift, stuck bits, ...) are no bad input: at most
-// warnings. When `stop` says so it ends early with nothing.
+// `raw_dn`: one image for every recording; an empty image could not be read and is skipped.
+// Physical effects (a nonlinear response, glare, drift, stuck bits, ...) are not bad input and give
+// at most warnings. If `stop` returns an error, ends early with an empty result.
 RecordingCheck CheckRecordings(const RecordingSet& set, const std::vector<Image<uint16_t>>& raw_dn,
                                const StopCheck& stop = {});
 
@@ -52,9 +52,9 @@ NarrowNumbers EightBitNumbers(const Sensor& camera);
 std::string TakeNarrowNumbers(const NarrowNumbers& narrow, RecordingSet* set,
                               std::vector<Image<uint16_t>>* raw_dn);
 
-// Takes recordings without a line out of a set if they are at most a tenth of its laser recordings
-// and in no burst, so that the others can still be used. Omissions with their reasons, as warnings;
-// none: nothing was changed. The set is to be checked again.
+// Removes recordings without a line from a set if they are at most a tenth of its laser recordings
+// and in no burst, so that the others can still be used. Returns the omissions with their reasons,
+// as warnings; empty: the set is unchanged. The set must be checked again.
 std::vector<std::string> LeaveOutWithoutLine(const RecordingCheck& check, RecordingSet* set,
                                              std::vector<Image<uint16_t>>* raw_dn);
 

@@ -44,7 +44,7 @@ void RecordingChecks::CheckContents() {
          "too few to say anything but gross differences");
   }
   if (darks == 0) {
-    lack("none has kind \"dark\"", "dark level, dark current and other light cannot be told apart");
+    lack("none has kind \"dark\"", "dark level, dark current and other light cannot be separated");
   }
   if (positions.size() < 3) {
     lack(absl::StrCat("only ", positions.size(), " different plate_position_id"),
@@ -52,17 +52,17 @@ void RecordingChecks::CheckContents() {
   }
   if (repeats == 0) {
     lack("no two with the same plate_position_id and exposure_time_s",
-         "temporal noise cannot be told from speckle");
+         "temporal noise cannot be separated from speckle");
   }
   const bool swept =
       std::any_of(sweep.begin(), sweep.end(), [](const auto& s) { return s.second.size() >= 3; });
   if (!swept) {
     lack("no plate_position_id has three different exposure_time_s",
-         "the sensor's response cannot be told from the optics");
+         "the sensor's response cannot be separated from the optics");
   }
   if (f_numbers.size() < 2) {
     lack("all have the same f_number",
-         "aperture, aberrations and transmission cannot be told "
+         "aperture, aberrations and transmission cannot be separated "
          "from power and reflectance");
   }
   if (distances.size() < 2) {

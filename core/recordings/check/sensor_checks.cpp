@@ -233,13 +233,13 @@ void RecordingChecks::CheckGamma() {
     Warning(
         measured +
             ": more than shot noise, by speckle or texture, which have 2 with any gamma, so that "
-            "it cannot be told whether the numbers are raw",
+            "it is undecided whether the numbers are raw",
         "", {});
   } else if (b - 2 * error > kBetween) {
     Warning(measured + ": they are taken as raw", "", {});
   } else {
-    Warning(measured + ": it cannot be told whether the numbers are raw; they are taken as such",
-            "", {});
+    Warning(measured + ": it is undecided whether the numbers are raw; they are taken as such", "",
+            {});
   }
 }
 

@@ -24,7 +24,7 @@ std::string TakeNarrowNumbers(const NarrowNumbers& narrow, RecordingSet* set,
   std::string warning = absl::StrFormat(
       "camera.bit_depth_bit is %d, but all images hold %d-bit numbers: they are taken as such, "
       "gain "
-      "and black level %s; their rounding hides what changes less than a step",
+      "and black level %s; their rounding hides changes below one step",
       camera.bit_depth_bit, narrow.bit_depth_bit,
       narrow.gain_factor == 1 ? "as described" : absl::StrFormat("times %.4g", narrow.gain_factor));
   camera.bit_depth_bit = narrow.bit_depth_bit;

@@ -23,8 +23,8 @@ namespace sightline {
 std::optional<double> MetresOfQifUnit(const std::string& name);
 std::optional<double> RadiansOfQifUnit(const std::string& name);
 
-// Whether an error is that a length has no unit that is known, or that the stated unit is none or
-// is given though the file states its own.
+// True if an error is about the length unit: a length has no known unit, or the stated unit is not
+// valid, or it is given although the file states its own.
 bool IsAboutQifLengthUnit(const absl::Status& status);
 
 class QifUnits {

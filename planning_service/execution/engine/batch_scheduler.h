@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// An array of tasks on a cluster, as its workload manager sees it.
+// Interface to the workload manager of a cluster: arrays of tasks, submitted, queried, cancelled.
 #pragma once
 
 #include <cstdint>
@@ -22,7 +22,7 @@ struct TaskArray {
   std::string script;  // element K, from 1, runs `/bin/sh SCRIPT-K.sh`
   int size = 1;
   std::string folder;  // working folder
-  // Id of an array whose elements must all have ended well before this one begins; empty: none.
+  // Id of an array all of whose elements must succeed before this array begins; empty: none.
   std::string after;
   int64_t max_memory_bytes = 0;                        // of an element; 0: the cluster's default
   absl::Duration max_time = absl::InfiniteDuration();  // of an element, from its start
@@ -32,35 +32,35 @@ struct ElementStatus {
   enum class State {
     kWaiting,
     kRunning,
-    kEnded,  // well or not
-    kLost,   // its machine went, or it had to make room
+    kEnded,  // with success or not
+    kLost,   // its machine failed, or it was preempted
     kOutOfMemory,
     kOutOfTime,
-    kCancelled,  // by somebody
+    kCancelled,  // by a user or an administrator
   };
   State state = State::kWaiting;
-  std::string reason;  // the workload manager's word for people; may be empty
+  std::string reason;  // for people, from the workload manager; may be empty
 };
 
-// Errors of all methods: UNAVAILABLE: it does not answer, or cannot take this now; else it refused:
-// the message is its own.
+// Errors of all methods: UNAVAILABLE: the workload manager does not answer or cannot accept the
+// request now. Any other code: it has refused the request; the message is its own.
 class BatchScheduler {
  public:
   virtual ~BatchScheduler() = default;
 
   // "slurm", "kubernetes".
   virtual std::string kind() const = 0;
-  // Whether it can be used from here.
+  // OK if the workload manager can be used from this machine.
   virtual absl::Status Check() = 0;
   // Returns the array's id.
   virtual absl::StatusOr<std::string> Submit(const TaskArray& array) = 0;
-  // Lets an array begin whose `after` has ended well, where the workload manager does not see to
-  // that itself.
+  // Starts an array whose `after` has succeeded, if the workload manager does not do that itself.
+  // Called once the service has seen that success.
   virtual absl::Status Release(const std::string& id) = 0;
-  // Status of elements 1 to `size`. Empty: it knows of none such, or no longer.
+  // Status of elements 1 to `size`; nullopt for an element that the workload manager does not know.
   virtual absl::StatusOr<std::vector<std::optional<ElementStatus>>> Look(const std::string& id,
                                                                          int size) = 0;
-  // Does nothing to finished arrays and unknown ids.
+  // Cancels an array. Has no effect on finished arrays and unknown ids.
   virtual absl::Status Cancel(const std::string& id) = 0;
   // Cancels all arrays of a job.
   virtual absl::Status CancelJob(const std::string& job) = 0;

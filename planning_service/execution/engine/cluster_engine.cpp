@@ -66,12 +66,12 @@ class Element {
   }
 
   bool IsDone() const { return files_.exit_code() == 0; }
-  // Not on any machine, as far as the workload manager knows.
+  // True if, by the workload manager, the command neither runs nor waits.
   bool IsGone() const {
     return !status_ || (status_->state != State::kRunning && status_->state != State::kWaiting);
   }
 
-  // How it ended, if it did, and not well. Asked after each answer of the workload manager.
+  // How the command failed, if it did. Called after each answer of the workload manager.
   std::optional<JobProcessEnd> BadEnd() {
     if (IsDone()) return std::nullopt;
     const bool gone = IsGone();
@@ -102,7 +102,7 @@ class Element {
       return EndWithoutWord(name_, absl::StrCat("lost its machine: ", status_->reason), true,
                             files_.messages().last_words());
     }
-    // Exit code and state come by different ways: the one that is late may say more.
+    // Exit code and state come by different ways: wait for the later one, which may say more.
     const Clock::time_point now = Clock::now();
     if (!ended_since_) ended_since_ = now;
     if (!(gone && code) && absl::FromChrono(now - *ended_since_) < grace_) return std::nullopt;
@@ -146,8 +146,8 @@ class ClusterEngine final : public ComputeEngine {
  private:
   using Begun = std::variant<ClusterRecord, JobProcessEnd>;
 
-  // Calls until it is answered or not wished any more: a workload manager that does not answer says
-  // nothing about the job.
+  // Repeats the call until the workload manager answers or the caller stops the attempt. A missing
+  // answer says nothing about the job.
   template <typename Call>
   auto Insist(const std::string& what, const ProgressCallback& wish, const Call& call)
       -> decltype(call()) {
@@ -183,7 +183,7 @@ class ClusterEngine final : public ComputeEngine {
   }
 
   absl::StatusOr<Begun> Begin(const AttemptOptions& options, const ProgressCallback& wish) {
-    // A service that was killed may have submitted tasks that it had not noted.
+    // A service that was killed may have submitted tasks without recording them.
     if (RevokeTasks(options.folder)) {
       absl::Status cancelled =
           Insist("cancel", wish, [&] { return scheduler_->CancelJob(options.name); });
@@ -274,7 +274,7 @@ class ClusterEngine final : public ComputeEngine {
       if (absl::FromChrono(now - asked) >= timing_.scheduler) {
         asked = now;
         if (auto bad_end = Ask(record, parts_done, &released, &arrays)) {
-          // A machine that is away may run on.
+          // A machine that was killed or is unreachable may still run its command.
           const absl::Status stopped = Stop(options, record, wish, bad_end->was_killed);
           if (!stopped.ok()) {
             spdlog::warn("event=cluster_stop_failed job={} error=\"{}\"", options.name,
@@ -287,7 +287,7 @@ class ClusterEngine final : public ComputeEngine {
     }
   }
 
-  // Asks the workload manager. Returns how the first task that failed ended.
+  // Queries the workload manager. Returns how the first failed task ended, if any has failed.
   std::optional<JobProcessEnd> Ask(const ClusterRecord& record, bool parts_done, bool* released,
                                    Arrays* arrays) {
     absl::Status asked = LookAt(record.parts, &arrays->parts);
@@ -304,14 +304,14 @@ class ClusterEngine final : public ComputeEngine {
       part.ReadFiles();
       if (auto end = part.BadEnd()) return end;
     }
-    // Until the shards are done it waits, or was cancelled because one failed.
+    // The conclusion waits for the shards, or was cancelled because one of them failed.
     if (!parts_done) return std::nullopt;
     arrays->conclusion[0].ReadFiles();
     return arrays->conclusion[0].BadEnd();
   }
 
-  // Ends running commands. None of them writes afterwards: if a machine was lost, or the workload
-  // manager gives no state, the revoked tasks see to that.
+  // Ends running commands. None of them writes afterwards: if a machine is lost, or the workload
+  // manager reports no state, the commands end themselves because their tasks are revoked.
   absl::Status Stop(const AttemptOptions& options, const ClusterRecord& record,
                     const ProgressCallback& wish, bool may_run_on = false) {
     RevokeTasks(options.folder);
@@ -327,7 +327,7 @@ class ClusterEngine final : public ComputeEngine {
     return result;
   }
 
-  // False if an element may run still.
+  // Waits for all elements to end. False if one may still run.
   bool AwaitGone(const std::string& id, int size) {
     std::vector<Element> elements;
     for (int i = 1; i <= size; ++i) elements.emplace_back("", "", absl::ZeroDuration());

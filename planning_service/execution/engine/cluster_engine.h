@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Commands of jobs as arrays of a cluster's workload manager.
+// Runs the commands of jobs as arrays of a cluster's workload manager.
 #pragma once
 
 #include <memory>
@@ -11,17 +11,17 @@
 namespace sightline {
 
 struct ClusterTiming {
-  absl::Duration files = absl::Milliseconds(500);  // between looks at the commands' messages
-  absl::Duration scheduler = absl::Seconds(3);     // between questions to the workload manager
-  // How long the exit code of a command that the workload manager says has ended may take to be
-  // seen here.
+  absl::Duration files = absl::Milliseconds(500);  // between reads of the commands' messages
+  absl::Duration scheduler = absl::Seconds(3);     // between queries of the workload manager
+  // After the workload manager reports the end of a command: longest time until the command's exit
+  // code shows in the shared folder.
   absl::Duration grace = absl::Seconds(15);
-  // How long commands that were cancelled may take to be gone.
+  // Longest time until cancelled commands have ended.
   absl::Duration stop = absl::Seconds(60);
 };
 
-// An attempt that is left runs on, and is found again by the record in its folder, also after the
-// service was killed. A command whose machine is lost has ended without a word.
+// An attempt that its caller leaves (Wish::kLeave) runs on. A later Run finds it by the record in
+// its folder, even if the service was killed. A lost machine ends its command as kWithoutWord.
 std::unique_ptr<ComputeEngine> MakeClusterEngine(std::unique_ptr<BatchScheduler> scheduler,
                                                  ClusterTiming timing = {});
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The machines on which the commands of jobs run: on this machine, or on the machines of a cluster.
+// Interface to the machines that run the commands of jobs: this machine or those of a cluster.
 #pragma once
 
 #include <cstdint>
@@ -22,20 +22,20 @@ struct AttemptOptions {
   // folder `in`.
   std::string folder;
   TaskCommands commands;
-  // Makes the folder ready: called before any command begins, once none of an attempt before runs
-  // any more; not for an attempt that is taken up again. Its error is the job's.
+  // Prepares the folder. Called before any command starts and after all commands of an earlier
+  // attempt have ended; not called for an attempt that is resumed. Its error fails the job.
   std::function<absl::Status()> prepare;
-  // See JobProcessOptions; of processes on this machine.
+  // See JobProcessOptions; only for processes on this machine.
   int lock_fd = -1;
   int64_t max_memory_bytes = 0;  // of each command with all its processes; 0: no limit
   absl::Duration max_time = absl::InfiniteDuration();  // of each command
 };
 
-// The caller's wish for an attempt.
+// Decision of the caller about a running attempt.
 enum class Wish {
   kGoOn,
   kCancel,
-  // The caller leaves. Work that can run on without it does, and may be found again.
+  // The caller leaves. Work that can run without it continues, and a later Run may resume it.
   kLeave,
 };
 using ProgressCallback = std::function<Wish(const JobProgress&)>;
@@ -44,15 +44,15 @@ class ComputeEngine {
  public:
   virtual ~ComputeEngine() = default;
 
-  // Runs the parts, then the conclusion, or takes up the attempt that an earlier Run, of this
-  // process or another one, has left in the folder. Returns how it ended: as the first command that
-  // did not end well, whose fellows are ended then. No command of the attempt runs any more, unless
-  // it was left. Asks `wish` every second or oftener. UNAVAILABLE: nothing can be started.
+  // Runs the shards, then the conclusion; or resumes the attempt that an earlier Run, of this or
+  // another process, has left in the folder. Calls `wish` at least every second. Returns the end of
+  // the first command that failed (the others are stopped), else of the conclusion. All commands
+  // have ended then, unless the attempt was left. UNAVAILABLE: nothing can be started.
   virtual absl::StatusOr<JobProcessEnd> Run(const AttemptOptions& options,
                                             const ProgressCallback& wish) = 0;
 };
 
-// Processes on this machine, all parts at the same time; they end with this process.
+// Runs processes on this machine, all shards at the same time; they end with this process.
 std::unique_ptr<ComputeEngine> MakeLocalEngine();
 
 }  // namespace sightline

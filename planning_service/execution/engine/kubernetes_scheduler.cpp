@@ -27,12 +27,12 @@ using State = ElementStatus::State;
 
 constexpr char kJobLabel[] = "sightline/job";
 constexpr char kIndexAnnotation[] = "batch.kubernetes.io/job-completion-index";
-// How long a machine may be away before its pods count as lost.
+// Time for which a machine may be unreachable before its pods count as lost.
 constexpr int kUnreachable_s = 30;
-// Jobs that the service forgot to remove.
+// Kubernetes removes finished jobs after this time if the service has not removed them.
 constexpr int kKeepFinished_s = 24 * 3600;
 
-// Answers that say nothing about the job: later ones may differ.
+// True for errors that say nothing about the job, so that a later call may succeed.
 bool IsTransientKubernetesError(const std::string& errors) {
   const std::string lower = absl::AsciiStrToLower(errors);
   for (const char* words :
@@ -86,11 +86,11 @@ ElementStatus StatusOfPod(const json& pod) {
   if (phase == "Failed") {
     if (reason == "OOMKilled") return {State::kOutOfMemory, reason};
     if (reason == "DeadlineExceeded") return {State::kOutOfTime, reason};
-    // A container that ended by itself has a reason of its own: Error, Completed.
+    // The reasons Error and Completed belong to containers that ended by themselves.
     const bool by_itself = reason == "Error" || reason == "Completed";
     return {by_itself ? State::kEnded : State::kLost, reason};
   }
-  // Evicted, or its machine is away: it will not come back.
+  // The pod was evicted, or its machine is unreachable: it will not come back.
   if (Member(pod, "metadata").contains("deletionTimestamp")) {
     return {State::kLost, reason == "Running" ? "its node is gone" : reason};
   }
@@ -98,7 +98,7 @@ ElementStatus StatusOfPod(const json& pod) {
   return {State::kRunning, reason};
 }
 
-// A pod of the same index that is further counts.
+// If several pods have the same index, the one of the largest weight counts.
 int Weight(State state) {
   switch (state) {
     case State::kEnded:
@@ -161,7 +161,7 @@ class KubernetesScheduler final : public BatchScheduler {
       }
     }
     for (auto& status : statuses) {
-      // Its pod was not made yet, or was removed with its machine.
+      // The pod does not exist yet, or was removed with its machine.
       if (!status && there) {
         status = failed ? ElementStatus{State::kLost, "its pod is gone"}
                         : ElementStatus{State::kWaiting, ""};
@@ -230,7 +230,7 @@ class KubernetesScheduler final : public BatchScheduler {
                              {"effect", "NoExecute"},
                              {"tolerationSeconds", kUnreachable_s}});
     }
-    // Files that pods make are the service's.
+    // Files that pods make belong to the user of the service.
     json security = {{"runAsUser", getuid()}, {"runAsGroup", getgid()}};
     if (getuid() != 0) security["runAsNonRoot"] = true;
     security["seccompProfile"]["type"] = "RuntimeDefault";
@@ -255,7 +255,7 @@ class KubernetesScheduler final : public BatchScheduler {
              {{"completions", array.size},
               {"parallelism", array.size},
               {"completionMode", "Indexed"},
-              // The service starts lost commands again itself.
+              // No retries by Kubernetes: the service itself restarts lost commands.
               {"backoffLimit", 0},
               {"suspend", !array.after.empty()},
               {"ttlSecondsAfterFinished", kKeepFinished_s},

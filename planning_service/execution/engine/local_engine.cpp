@@ -31,7 +31,7 @@ JobProcessOptions ProcessOf(const AttemptOptions& options, std::vector<std::stri
   return process;
 }
 
-// The parts of a job, each watched by a thread.
+// The shards of a job, each watched by a thread.
 class Parts {
  public:
   explicit Parts(const AttemptOptions& options)
@@ -48,7 +48,7 @@ class Parts {
         if (end.ok() && end->kind == JobProcessEnd::Kind::kDone) {
           progress_[i].fraction = 1;
         } else if (!first_bad_end_) {
-          // The others would end for nothing; those that are stopped for it come after it.
+          // The job has failed: stop the other shards and ignore how they end.
           first_bad_end_ = std::move(end);
           stopping_ = true;
         }
@@ -57,7 +57,7 @@ class Parts {
     }
   }
 
-  // How the first of them ended that did not end well; empty: all did.
+  // How the first failed shard ended; empty if all succeeded.
   std::optional<absl::StatusOr<JobProcessEnd>> Wait(const ProgressCallback& wish) {
     std::unique_lock lock(mutex_);
     while (running_ > 0) {
@@ -87,7 +87,7 @@ class LocalEngine final : public ComputeEngine {
  public:
   absl::StatusOr<JobProcessEnd> Run(const AttemptOptions& options,
                                     const ProgressCallback& wish) override {
-    // Left by a service that ran its jobs on a cluster.
+    // An earlier service may have left tasks of this job running on a cluster.
     if (RevokeTasks(options.folder)) AwaitRevokedTasks(wish);
     if (const auto failure = PrepareFailure(options)) return *failure;
     const size_t count = options.commands.parts.size();

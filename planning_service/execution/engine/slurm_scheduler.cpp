@@ -18,8 +18,8 @@ namespace {
 
 using State = ElementStatus::State;
 
-// Answers that say nothing about the job: later ones may differ. Slurm's tools end with 1 for every
-// error, so their text decides.
+// True for errors that say nothing about the job, so that a later call may succeed. Slurm's tools
+// exit with 1 for every error, so the text decides.
 bool IsTransientSlurmError(const std::string& errors) {
   const std::string lower = absl::AsciiStrToLower(errors);
   for (const char* words :
@@ -31,7 +31,7 @@ bool IsTransientSlurmError(const std::string& errors) {
   return false;
 }
 
-// States of squeue(1). One that is not known here is one in which the element still may run.
+// States of squeue(1). An element in an unknown state may still run.
 State StateOf(const std::string& name, const std::string& reason) {
   static const std::set<std::string> waiting = {"PENDING",      "CONFIGURING", "REQUEUED",
                                                 "REQUEUE_HOLD", "REQUEUE_FED", "RESV_DEL_HOLD",
@@ -44,7 +44,7 @@ State StateOf(const std::string& name, const std::string& reason) {
   if (name == "OUT_OF_MEMORY") return State::kOutOfMemory;
   if (name == "TIMEOUT" || name == "DEADLINE") return State::kOutOfTime;
   if (name == "CANCELLED") {
-    // An element that it waits for ended badly after its command had ended well.
+    // The array that it waits for failed in Slurm, although its commands had succeeded.
     return absl::StartsWith(reason, "Dependency") ? State::kLost : State::kCancelled;
   }
   return State::kRunning;
@@ -62,7 +62,7 @@ class SlurmScheduler final : public BatchScheduler {
     std::vector<std::string> arguments = {
         "--parsable", "--no-requeue", "--export=PATH", "--nodes=1", "--ntasks=1",
         "--output=/dev/null", "--error=/dev/null",
-        // Slurm's own requeue would start a command that the service counts as lost.
+        // Slurm must not requeue: it would restart a command that the service counts as lost.
         absl::StrCat("--job-name=", NameOf(array.job)), absl::StrCat("--array=1-", array.size),
         absl::StrCat("--chdir=", array.folder)};
     if (!options_.partition.empty()) {
@@ -131,7 +131,7 @@ class SlurmScheduler final : public BatchScheduler {
     return status;
   }
 
-  // Its stdout without white space at the end.
+  // Runs the program; returns its stdout without white space at the end.
   absl::StatusOr<std::string> Run(const std::string& program,
                                   const std::vector<std::string>& arguments) const {
     std::vector<std::string> words = {options_.command_folder.empty()

@@ -24,13 +24,13 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr char kRecordFile[] = "/cluster.json";
-// Tasks go on as long as it is there.
+// Tasks run as long as this file exists.
 constexpr char kLeaseFile[] = "/go";
 constexpr int kLeaseInterval_s = 2;
 constexpr absl::Duration kRevokedWithin = absl::Seconds(2 * kLeaseInterval_s + 1);
 constexpr absl::Duration kWaitStep = absl::Milliseconds(200);
 constexpr double kShareOfParts = 0.95;
-// Most blocks of one reading; the rest comes with the next.
+// Limit on the blocks that one Read takes; the next Read takes the rest.
 constexpr int kMostBlocks = 256;
 
 std::string Quoted(const std::string& text) {
@@ -131,7 +131,7 @@ absl::Status ClusterRecord::Write(const std::string& folder) const {
 }
 
 absl::StatusOr<std::string> MakeTaskFolder(const AttemptOptions& options) {
-  // Another name for every attempt: an unreachable attempt cannot speak for this one.
+  // Each attempt has its own folder: an unreachable earlier attempt cannot write here.
   std::string tasks = options.folder + "/tasks-XXXXXX";
   if (mkdtemp(tasks.data()) == nullptr) {
     return absl::InternalError(absl::StrCat(tasks, ": ", std::strerror(errno)));
@@ -173,7 +173,7 @@ TaskFiles::TaskFiles(const std::string& folder, const std::string& name)
     : path_(absl::StrCat(folder, "/", name)) {}
 
 void TaskFiles::Read() {
-  // First the code, then the words that were written before it.
+  // The exit code is read first: all messages were written before it.
   if (!exit_code_) {
     int code = 0;
     if (std::ifstream file(path_ + ".exit"); file >> code) exit_code_ = code;

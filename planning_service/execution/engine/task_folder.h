@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Messages between the service and the commands of a job on other machines: files in a folder
-// that all of them see.
+// Messages between the service and the commands of a job on other machines, as files in a shared
+// folder.
 #pragma once
 
 #include <optional>
@@ -14,13 +14,13 @@
 
 namespace sightline {
 
-// Mean progress of parts, most of the whole, with that of the conclusion.
+// Progress of the job: 0.95 times the mean progress of the shards plus 0.05 times the conclusion's.
 JobProgress ProgressOfParts(const std::vector<JobProgress>& parts, const JobProgress& conclusion);
 
-// Calls `prepare` of the attempt; how it ended, if that failed.
+// Calls `prepare` of the attempt. Returns the failed end of the job if `prepare` fails.
 std::optional<JobProcessEnd> PrepareFailure(const AttemptOptions& options);
 
-// Record of the arrays that work on a job's folder: kept there as long as they are to.
+// Record of the arrays that work on a job's folder; kept in the folder until they are revoked.
 struct ClusterRecord {
   std::string scheduler;  // BatchScheduler::kind
   std::string tasks;      // absolute path of the tasks' folder
@@ -28,34 +28,34 @@ struct ClusterRecord {
   std::string parts;  // ids; empty: not submitted (yet)
   std::string conclusion;
 
-  // Empty: there is none that can be read.
+  // Empty: the folder has no readable record.
   static std::optional<ClusterRecord> Read(const std::string& folder);
   absl::Status Write(const std::string& folder) const;
-  // Whether all that it needs was submitted.
+  // True if all arrays of the attempt were submitted.
   bool IsComplete() const { return !conclusion.empty() && (part_count == 0 || !parts.empty()); }
 };
 
-// Makes a new folder of scripts, `parts-K.sh` and `conclusion-1.sh`, in the job's folder. Each runs
-// its command, keeps its messages in NAME.stderr and its exit code in NAME.exit, and ends it when
-// the tasks are revoked. Returns the folder.
+// Makes a new folder of scripts, `parts-K.sh` and `conclusion-1.sh`, in the job's folder, and
+// returns its path. A script runs its command, writes messages to NAME.stderr and the exit code to
+// NAME.exit, and kills the command when the tasks are revoked.
 absl::StatusOr<std::string> MakeTaskFolder(const AttemptOptions& options);
 
-// Tasks that still run in the job's folder, perhaps on an unreachable machine, end within seconds
-// of seeing it. Returns whether there may be any.
+// Revokes tasks that still run in the job's folder, perhaps on an unreachable machine: each ends
+// within seconds of seeing the revocation. Returns true if there may be such tasks.
 bool RevokeTasks(const std::string& folder);
-// Waits these seconds, while it is wished.
+// Waits until revoked tasks have ended; returns early unless `wish` is Wish::kGoOn.
 void AwaitRevokedTasks(const ProgressCallback& wish);
 
 // One command's files.
 class TaskFiles {
  public:
-  // `name`: as of MakeTaskFolder, e.g. "parts-1".
+  // `name`: name of the script without ".sh" (MakeTaskFolder), e.g. "parts-1".
   TaskFiles(const std::string& folder, const std::string& name);
   // Reads new messages.
   void Read();
 
   const CommandMessages& messages() const { return messages_; }
-  // Known once all its messages are.
+  // Set once the command has ended and all its messages have been read.
   std::optional<int> exit_code() const { return caught_up_ ? exit_code_ : std::nullopt; }
 
  private:
