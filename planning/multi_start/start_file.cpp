@@ -16,15 +16,15 @@ namespace {
 
 using nlohmann::json;
 
-// Far more than a plan of the most scans (1000, of nine numbers) takes.
+// Far more than the largest plan needs (1000 scans of nine numbers).
 constexpr uintmax_t kMostBytes = 4 << 20;
 
-// SHA-256 of the file without this field: an edited result is not the result of a search.
+// SHA-256 of the file without this field; it detects edited results.
 constexpr char kCheckField[] = "check";
 
 std::string CheckOf(const json& file) { return Sha256Hex(file.dump()); }
 
-// Stop reasons in the files; their numbers may change.
+// Names of stop reasons in the files, since their numbers may change.
 constexpr std::pair<StopReason, const char*> kStopReasons[] = {
     {StopReason::kGoalReached, "goal reached"}, {StopReason::kMaxScans, "max scans"},
     {StopReason::kMaxTime, "max time"},         {StopReason::kStalled, "stalled"},
@@ -71,7 +71,7 @@ absl::Status WriteStart(const StartResult& start, const std::string& fingerprint
                         const std::string& path) {
   json scans = json::array();
   for (const StartResult::Scan& scan : start.scans) {
-    // Radians and metres as they are in memory: degrees would not read back as the same numbers.
+    // Radians and metres as in memory: degrees would not read back as exactly the same numbers.
     scans.push_back({{"parameters", ToArray(scan.measurement)}, {"locked", scan.locked}});
   }
   json file = {

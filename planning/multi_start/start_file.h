@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Results of searches in files, for the process that chooses among those of several processes.
+// Files with the results of single searches, for the process that chooses among several processes.
 #pragma once
 
 #include <optional>
@@ -10,13 +10,13 @@
 
 namespace sightline {
 
-// As JSON, exact to the last bit. `fingerprint` names everything that the result depends on beside
-// the seed. The file appears complete or not at all.
+// Writes JSON that is exact to the last bit. `fingerprint` identifies everything besides the seed
+// that the result depends on. The file appears complete or not at all.
 absl::Status WriteStart(const StartResult& start, const std::string& fingerprint,
                         const std::string& path);
 
-// Empty: there is no file, or it is of another fingerprint or seed, or is damaged; then the search
-// is to be made again. `why`, which may be null, says which of these for a file that is there.
+// Returns nothing if the file is missing, damaged, or of another fingerprint or seed; the search
+// must then be repeated. `why` may be null; it gets the reason if the file exists.
 std::optional<StartResult> ReadStart(const std::string& path, const std::string& fingerprint,
                                      int64_t seed, std::string* why = nullptr);
 

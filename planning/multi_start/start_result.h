@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// One of several searches for the same plan that differ in their seeds alone, and which of them is
-// the best: strategies are random searches, so that some seeds need a scan less than others.
+// Result of one of several searches for the same plan that differ only in their seeds, and the
+// order that ranks them. Strategies search at random, so some seeds need a scan less than others.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +14,7 @@
 
 namespace sightline {
 
-// The data from which the plan of a search is made again, by evaluating its scans.
+// Data from which the plan is made again, by evaluating its scans.
 struct StartResult {
   struct Scan {
     Measurement measurement;
@@ -27,14 +27,14 @@ struct StartResult {
   double satisfied = 0;  // targets that the plan can claim, of those to be satisfied, in [0, 1]
   double cost = 0;       // of executing its plan, as v1::PlanCost.total
   std::vector<Scan> scans;
-  // Without its scans.
+  // The bound without its generated columns.
   std::optional<ScanCountBoundResult> bound;
 };
 
-// Whether `a` is to be chosen rather than `b`: it reaches the goal and `b` does not. If both do:
-// less cost, then fewer scans, then more that is satisfied, then the lower seed. If neither does:
-// more that is satisfied, then less cost, then fewer scans, then the lower seed. An order of
-// results of different seeds, so that the best of them does not depend on which ended first.
+// True if `a` is the better result: it reaches the goal and `b` does not. If both reach it: lower
+// cost, then fewer scans, then a larger satisfied fraction, then the lower seed. If neither does: a
+// larger satisfied fraction, then lower cost, fewer scans, the lower seed. This strict order of
+// results with different seeds makes the best one independent of the order in which they ended.
 bool IsBetterStart(const StartResult& a, const StartResult& b);
 
 }  // namespace sightline

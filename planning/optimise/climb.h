@@ -19,10 +19,10 @@ struct Climbed {
   bool moved = false;  // to another point, maybe of equal value
 };
 
-// Goes on from `x` of [0, 1]^d (d > 0), where the objective is `value`: `batches` times a batch of
-// 64 mutations of the best point so far, mostly of a few coordinates, with a step that shrinks when
-// nothing improves. `normalise` brings coordinates back into the cube. Errors of the objective are
-// passed on.
+// Continues from `x` in [0, 1]^d (d > 0), at which the objective is `value`. Each of the `batches`
+// evaluates 64 mutations of the best point so far; most change a few coordinates, and the step
+// shrinks when nothing improves. `normalise` brings coordinates back into the cube. Errors of the
+// objective are passed on.
 absl::StatusOr<Climbed> Climb(
     std::vector<double> x, double value, int64_t batches, const BatchObjective& objective,
     const std::function<std::vector<double>(std::span<const double>)>& normalise, Random& random);

@@ -29,7 +29,7 @@ using Points = std::vector<std::vector<double>>;
 // A periodic axis is searched half a turn beyond either end, so that a swarm can cross the seam.
 constexpr double kPeriodicMargin = 0.5;
 
-// Thrown through pagmo's code when the objective fails; Evaluator::status says why.
+// Thrown through pagmo's code when the objective fails; Evaluator::status holds the reason.
 struct ObjectiveFailed : std::exception {
   const char* what() const noexcept override { return "objective failed"; }
 };
@@ -73,11 +73,11 @@ class Evaluator {
 // The problem that pagmo solves: the negated objective over the box. Copies share the state by
 // pointer.
 //
-// pagmo::sga, cmaes and sade ask for one fitness after the other, although which points of a
-// generation they ask for does not depend on the answers. Each generation is therefore run twice
-// with the same random numbers: on a copy that records the points and is thrown away, then, after
-// one batched evaluation, on the original, which gets the recorded answers. A point that was not
-// recorded at its place (none, as the tests check) is evaluated by itself.
+// pagmo::sga, cmaes and sade request one fitness at a time, although the points of a generation do
+// not depend on the answers. Each generation therefore runs twice with the same random numbers:
+// first on a temporary copy that records the points, then, after one batched evaluation, on the
+// original with the recorded answers. A point that was not recorded at its position (none, as tests
+// check) is evaluated alone.
 struct PagmoProblem {
   struct State {
     Evaluator* evaluator = nullptr;

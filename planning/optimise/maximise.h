@@ -39,8 +39,8 @@ struct MaximiseOptions {
   // Swarm, population or number of annealing chains; 0: the method's default (PSO 50, GA 200,
   // SA 50, CMA-ES 50, DE 50).
   int population = 0;
-  // First population: these points, then uniformly random ones. CMA-ES starts at the best of
-  // them. For each restart the same.
+  // First population: these points, then uniformly random ones. CMA-ES starts at the best of them.
+  // Every restart begins with the same points.
   std::vector<std::vector<double>> start;
   // CMA-ES: initial standard deviation. SA: standard deviation of a mutation. In (0, 1].
   double step = 0.3;

@@ -21,7 +21,7 @@ class SearchSpace {
   explicit SearchSpace(const MeasurementDomain& domain);
 
   int dimension() const { return static_cast<int>(axes_.size()); }
-  // For each coordinate, whether it wraps around.
+  // One element per coordinate: true if it wraps around.
   const std::vector<bool>& periodic() const { return periodic_; }
 
   // Any real coordinates; `unit` has dimension() elements. The result is inside the domain.

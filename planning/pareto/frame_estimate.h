@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Fast estimate of the frames of a scan that yield points, by the geometry of rig and part alone.
+// Fast estimate of the frames of a scan that yield points, from the geometry of rig and part alone.
 #pragma once
 
 #include <Eigen/Core>
@@ -12,12 +12,12 @@
 
 namespace sightline {
 
-// Looks at a part of the targets, as if nothing hid them: targets that face camera and laser and
-// lie in the camera's field of view and range count. Searches that look at thousands of scans use
-// it; reported numbers come from exact frames.
+// Evaluates a subset of the targets without occlusion: a target counts if it faces camera and laser
+// and lies in the camera's field of view and range. Searches over thousands of scans use it;
+// reported numbers come from exact frames.
 class FrameEstimate {
  public:
-  // `part_centre_m`: of the part's bounding box. Of many targets about `most` are kept.
+  // `part_centre_m`: centre of the part's bounding box. At most about `most` targets are used.
   FrameEstimate(const Rig& rig, const Eigen::Vector3d& part_centre_m, const TargetSet& targets,
                 size_t most = 1500);
 

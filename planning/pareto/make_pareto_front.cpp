@@ -20,15 +20,15 @@
 namespace sightline {
 namespace {
 
-// Part of the effort of one plan that a point of the front takes: its search does not begin anew.
+// Divisors of one plan's effort for a point of the front; its search starts from known plans.
 constexpr int64_t kPointEffort = 4, kTimedEffort = 8;
-// How far beyond the plan for the goal the number of scans goes: a quarter more, at least so many.
+// Extra scans beyond the plan for the goal: a quarter of its number, but at least this many.
 constexpr int kFurtherScans = 2;
-// Good scans handed on to the next point, the newest ones; more slow the choice down.
+// Largest number of good scans, the newest ones, passed to the next point; more slow the choice.
 constexpr size_t kCandidates = 800, kTimedCandidates = 1600;
 constexpr int kMaxQuickerPlans = 8;
 constexpr double kQuicker = 0.97;
-// Shares of the progress.
+// Progress at the end of each step.
 constexpr double kPlanDone = 0.25, kCountsDone = 0.6, kTimesDone = 0.95;
 
 class FrontMaker {
@@ -148,8 +148,8 @@ class FrontMaker {
 
   size_t locked() const { return request_.plan.locked.size(); }
 
-  // The plan that satisfies most with so many scans. `start`: as many or fewer, without locked
-  // ones.
+  // The plan that satisfies most with this number of scans. `start`: as many scans or fewer,
+  // without locked ones.
   absl::StatusOr<std::vector<Measurement>> MostWith(int scans, std::vector<Measurement> start,
                                                     double from, double to) {
     if (Stopped()) return absl::CancelledError("stopped");
@@ -158,7 +158,7 @@ class FrontMaker {
     request.starting = std::move(start);
     const auto candidates = Candidates(kCandidates);
     request.candidates.assign(candidates.begin(), candidates.end());
-    // Looking at the candidates comes on top of the search.
+    // Evaluations of the candidates are granted in addition to those of the search.
     request.evaluations_per_scan =
         std::max<int64_t>(1, request.evaluations_per_scan / kPointEffort) +
         static_cast<int64_t>(candidates.size()) / scans;
@@ -198,7 +198,7 @@ class FrontMaker {
     return absl::OkStatus();
   }
 
-  // The plan found so far that satisfies most in no more time and scans.
+  // The point so far that satisfies most within these limits of time and scans.
   const ParetoPoint* BestWithin(double limit_s, size_t limit_scans) const {
     const ParetoPoint* best = nullptr;
     for (const ParetoPoint& point : found_) {
@@ -210,7 +210,7 @@ class FrontMaker {
     }
     return best;
   }
-  // The quickest plan that takes longer, of no more scans.
+  // The quickest point that exceeds the time limit and keeps the limit of scans.
   const ParetoPoint* QuickestBeyond(double limit_s, size_t limit_scans) const {
     const ParetoPoint* best = nullptr;
     for (const ParetoPoint& point : found_) {
@@ -236,24 +236,24 @@ class FrontMaker {
     return scans;
   }
 
-  // Number of scans of the plan that satisfies most within the limit; 0: there is none.
+  // Number of scans of the point that satisfies most within the limit; 0 if there is none.
   size_t MostSatisfiedScans(double limit_s) const {
     const ParetoPoint* best = BestWithin(limit_s, MostScans());
     return best == nullptr ? 0 : best->scans.size();
   }
-  // Whether the plan that satisfies most with so many scans fits anyway.
+  // True if the plan that satisfies most with this number of scans keeps the time limit.
   bool HasPlanWithin(size_t scans, double limit_s) const {
     const ParetoPoint* best = BestWithin(std::numeric_limits<double>::infinity(), scans);
     return best != nullptr && best->time.Total_s() <= limit_s;
   }
 
-  // The plan that satisfies most within limits of seconds and scans, as far as there is one.
-  // Without
-  // `search_scans` by the scans known so far alone.
+  // Adds the plan that satisfies most within limits of seconds and scans,
+  // if there is one. Without `search_scans` it chooses from known scans
+  // only.
   absl::Status AddWithin(TimedSearch& search, PlanRun& run, double limit_s, size_t limit_scans,
                          bool search_scans) {
     if (Stopped()) return absl::CancelledError("stopped");
-    // Starts from plans that fit already, and from a longer plan that is cut down.
+    // Starts: the best plan that fits, and the quickest longer plan, which is shortened.
     std::vector<std::vector<Measurement>> starts;
     size_t most_scans = 1;
     for (const ParetoPoint* point :
@@ -281,7 +281,7 @@ class FrontMaker {
   absl::Status SweepTimes() {
     double longest_s = 0;
     for (const ParetoPoint& point : found_) longest_s = std::max(longest_s, point.time.Total_s());
-    // Nothing takes time: all scans are free.
+    // No scan takes time, so there is nothing to limit.
     if (longest_s <= 0) return absl::OkStatus();
     std::string where;
     double fraction = kCountsDone;
@@ -306,7 +306,7 @@ class FrontMaker {
                  (kTimesDone - kCountsDone) * (request_.time_limits - i) / request_.time_limits;
       where = absl::StrFormat("front, most within %.1f s: ", limit_s);
       SIGHTLINE_RETURN_IF_ERROR(AddWithin(search, run, limit_s, MostScans(), true));
-      // Fewer scans in the same time, where they would take longer if they might.
+      // Fewer scans in the same time, unless the plan with so many scans fits anyway.
       const size_t least = MostSatisfiedScans(limit_s);
       for (size_t count = std::max<size_t>(1, least) - 1; count > locked(); --count) {
         if (HasPlanWithin(count, limit_s)) break;
@@ -332,7 +332,7 @@ class FrontMaker {
   int64_t goal_targets_ = 0;
   StopReason plan_stop_reason_ = StopReason::kStalled;
   std::vector<ParetoPoint> found_;
-  std::vector<Measurement> plan_scans_;  // of the plan for the goal, without locked ones
+  std::vector<Measurement> plan_scans_;  // of the plan for the goal, without locked scans
   std::vector<Measurement> candidates_;
   std::set<std::array<double, kMeasurementParameters>> known_;
 };

@@ -8,7 +8,7 @@
 namespace sightline {
 namespace {
 
-// To be made small, the first one first.
+// Objectives to minimise, in lexicographic order.
 std::tuple<size_t, double, int64_t> Objectives(const ParetoPoint& point) {
   return {point.scans.size(), point.time.Total_s(), -point.Claimed()};
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Plans of which none is better than another in everything that counts: number of scans, seconds,
-// satisfied targets.
+// Plans that do not dominate one another in number of scans, seconds and satisfied
+// targets.
 #pragma once
 
 #include <cstdint>
@@ -22,7 +22,7 @@ struct ParetoPoint {
   int64_t Claimed() const { return score.Claimed(); }
 };
 
-// At least as good in every objective and better in one.
+// True if `a` is at least as good as `b` in every objective and better in one.
 bool Dominates(const ParetoPoint& a, const ParetoPoint& b);
 
 struct ParetoFront {
@@ -30,12 +30,12 @@ struct ParetoFront {
   std::vector<ParetoPoint> dominated;  // the others, in their order; without equals of points
 };
 
-// Points in ascending order of scans, then seconds. Of equal ones the first stays. Plans without
-// scans do not count.
+// Sorts points by scans, then seconds. Of points with equal objectives the first one stays. Plans
+// without scans are left out.
 ParetoFront FrontOf(std::vector<ParetoPoint> found);
 
-// Indices of points. The plan for those who do not choose: the fewest scans that reach the goal, of
-// these the quickest; if none does, that with the most. None of an empty front.
+// Index of the default choice: fewest scans that reach the goal, then least seconds. If none
+// reaches it, the point with the most satisfied targets. Nothing for an empty front.
 std::optional<size_t> PointForGoal(const std::vector<ParetoPoint>& points);
 
 }  // namespace sightline

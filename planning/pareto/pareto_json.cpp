@@ -21,7 +21,7 @@ v1::CostModel CostsToProto(const CostModel& costs) {
   if (costs.frame_rate_hz) message.set_frame_rate_hz(*costs.frame_rate_hz);
   if (costs.reposition_time_s) message.set_reposition_time_s(*costs.reposition_time_s);
   if (costs.reposition_speed_rad_per_s) {
-    // As it was stated: 30, not 29.999999999999996.
+    // Rounded to the stated value: 30, not 29.999999999999996.
     const double deg_per_s = *costs.reposition_speed_rad_per_s * 180 / std::numbers::pi;
     message.set_reposition_speed_deg_per_s(std::round(1e9 * deg_per_s) / 1e9);
   }
@@ -105,7 +105,7 @@ absl::Status CheckCosts(const v1::CostModel& costs, const CostModel& expected,
   return status;
 }
 
-// As many as goal.max_scans can be.
+// Same limit as goal.max_scans.
 constexpr int kMostScans = 1000;
 
 absl::Status CheckPoint(const v1::ParetoPoint& point, int index, const ParetoTask& task,
@@ -243,7 +243,7 @@ absl::StatusOr<int> PickPoint(const v1::ParetoFront& front, const ParetoPick& pi
     least_s = std::min(least_s, point.time_s());
     if (pick.scans && point.scans() > *pick.scans) continue;
     if (pick.seconds && point.time_s() > *pick.seconds) continue;
-    // Points come by scans, then seconds: the first of equally satisfied ones is the least.
+    // Points are sorted by scans, then seconds: among equally satisfied ones the first has least.
     if (best < 0 || point.settled() > front.points(best).settled()) best = i;
   }
   if (best >= 0) return best;

@@ -30,14 +30,14 @@ struct ParetoTask {
   int64_t fresh_judged_targets = 0;  // 0: none were sampled
 };
 
-// `chosen`: index of a point of the front; `stop_reason`: the result's.
+// `chosen`: index of a point of the front; `stop_reason`: that of the result.
 v1::ParetoFront ParetoToProto(const ParetoResult& result, const ParetoTask& task, int64_t seed,
                               size_t chosen, v1::Plan::StopReason stop_reason);
 
-// INVALID_ARGUMENT: the content of `path` belongs to another part or task, or is incomplete; names
-// the file, the field, its value and the allowed one. The digests of a front whose part's digest is
-// by another rule cannot be compared: it is taken by its other fields, and `remark`, which may be
-// null, says so.
+// INVALID_ARGUMENT if the content of `path` is incomplete or belongs to another part or task; the
+// message names the file, the field, its value and the allowed one. If the front's part digest
+// follows another rule, digests cannot be compared: only its other fields are checked, and `remark`
+// (may be null) says so.
 absl::Status CheckPareto(const v1::ParetoFront& front, const ParetoTask& task,
                          const std::string& path, std::string* remark = nullptr);
 
@@ -47,17 +47,17 @@ std::vector<Measurement> ScansOfPoint(const v1::ParetoPoint& point);
 // The choice of one point of a front; exactly one is set.
 struct ParetoPick {
   std::optional<int> number;      // of the point
-  std::optional<int> scans;       // at most so many: satisfies most
-  std::optional<double> seconds;  // at most so many: satisfies most
+  std::optional<int> scans;       // at most so many; chooses the point that satisfies most
+  std::optional<double> seconds;  // at most so many; chooses the point that satisfies most
 };
 
-// Index of the point. Of equally satisfied ones the one of fewer scans, then of fewer seconds.
-// OUT_OF_RANGE: no such point; names the existing ones. INVALID_ARGUMENT: seconds of a front
-// without costs.
+// Returns the index of the point. Among points that satisfy equally much it prefers fewer scans,
+// then fewer seconds. OUT_OF_RANGE if no point fits; the message states the range of the existing
+// ones. INVALID_ARGUMENT if `seconds` is set for a front without costs.
 absl::StatusOr<int> PickPoint(const v1::ParetoFront& front, const ParetoPick& pick,
                               const std::string& path);
 
-// INVALID_ARGUMENT: the point's numbers are not those of `score` and `time`, which are exact.
+// INVALID_ARGUMENT if the point's numbers differ from the exact `score` and `time`.
 absl::Status CheckSameNumbers(const v1::ParetoPoint& point, const PlanScore& score,
                               const PlanTime& time, const std::string& path);
 

@@ -14,7 +14,7 @@ PlanTime TimeOfPlan(const ExecutionModel& execution, double scan_step_m,
   assert(frames.size() == scans.size());
   CostModel stage_alone = execution.costs;
   stage_alone.frame_rate_hz.reset();
-  // In the order in which a plan sums them, so that the sums are the same numbers.
+  // Sum in the order that a plan uses, so that rounding is identical.
   const std::vector<int> order = OrderScans(execution, scans, locked);
   PlanTime time;
   for (const int i : order) {

@@ -18,13 +18,13 @@ struct FrameRange {
 
 struct PlanTime {
   double scan_s = 0;        // from first to last frame of every scan
-  double frame_rate_s = 0;  // of scan_s: by how much longer frames take than the stage alone
+  double frame_rate_s = 0;  // part of scan_s: how much longer frames take than the stage alone
   double reposition_s = 0;  // set-up and moves between scans, in the best order
   double Total_s() const { return scan_s + reposition_s; }
 };
 
-// `frames`: one per scan, `scan_step_m` > 0 apart; the first `locked` scans stay first. With a
-// frame rate but no stage speed all of scan_s is frame_rate_s. All 0 for unit costs.
+// `frames`: one range per scan, in steps of `scan_step_m` > 0. The first `locked` scans stay first.
+// If only the frame rate is limited, all of scan_s is frame_rate_s. All times are 0 for unit costs.
 PlanTime TimeOfPlan(const ExecutionModel& execution, double scan_step_m,
                     std::span<const Measurement> scans, std::span<const FrameRange> frames,
                     int locked);

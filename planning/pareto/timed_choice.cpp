@@ -10,11 +10,11 @@ namespace sightline {
 namespace {
 
 constexpr double kBetter = 1e-9;
-// Scans that cost no time are worth as much per second as those that take this long.
+// Lower limit of a scan's time in worth per second, for scans that take no time.
 constexpr double kLeastTimeInChoice_s = 1e-3;
 constexpr int kMaxExchanges = 1000;
 
-// Seconds of moving that `scan` adds between two scans of which either may be missing.
+// Seconds of moving that `scan` adds between two scans, either of which may be missing.
 double Detour(const ExecutionModel& execution, const Measurement* before, const Measurement& scan,
               const Measurement* after) {
   double added_s = 0;
@@ -148,7 +148,7 @@ void TimedChoice::ExchangeWhileBetter(PoolPlan& plan, size_t fixed, double limit
     double best_worth = worth, best_s = time_s;
     size_t best_place = order.size(), best_scan = 0;
     for (size_t place = fixed; place < order.size(); ++place) {
-      // The others keep their order, which may be a little longer than their best one.
+      // The other scans keep their order, which may be slightly longer than their best one.
       const PoolPlan others = Without(order, place);
       std::vector<const Moves*> others_moves = PointersTo(moves);
       others_moves.erase(others_moves.begin() + static_cast<std::ptrdiff_t>(place));
@@ -191,7 +191,7 @@ PoolPlan TimedChoice::Improve(PoolPlan plan, size_t fixed, double limit_s, size_
       const int64_t place = random.Below(static_cast<int64_t>(trial.size() - fixed));
       trial = Without(trial, fixed + static_cast<size_t>(place));
     }
-    // One random scan of the pool, if it fits, leads elsewhere.
+    // Adds one random scan of the pool, if it fits, to leave local optima.
     PoolPlan with = trial;
     with.push_back(static_cast<size_t>(random.Below(static_cast<int64_t>(scans_.size()))));
     if (with.size() <= most_scans && TimeS(with, fixed) <= limit_s) trial = std::move(with);

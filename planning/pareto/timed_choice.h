@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Choosing scans out of a pool so that targets are worth most within a number of seconds.
+// Chooses scans from a pool for the largest worth of targets within a number of seconds.
 #pragma once
 
 #include <functional>
@@ -13,9 +13,9 @@
 
 namespace sightline {
 
-// A budgeted maximum coverage problem in which the cost of a scan is its own seconds and the
-// detour of moving there. Greedy choice by worth per second (Khuller, Moss, Naor 1999) and by
-// worth, exchanges, ruin and recreate.
+// Solves a budgeted maximum coverage problem: a scan costs its own seconds plus the detour of
+// moving to it. The method is greedy choice by worth per second (Khuller, Moss, Naor 1999) and by
+// worth, then exchanges, then ruin and recreate.
 class TimedChoice {
  public:
   // The arguments have one entry per scan of the pool. The references must outlive this.
@@ -23,32 +23,32 @@ class TimedChoice {
               const std::vector<Measurement>& scans, const std::vector<double>& scan_s)
       : execution_(execution), pool_(pool), scans_(scans), scan_s_(scan_s) {}
 
-  // In the best order, the first `fixed` scans first.
+  // Seconds of the plan in its best order, in which the first `fixed` scans stay first.
   double TimeS(const PoolPlan& plan, size_t fixed) const;
-  // Brings a plan within the limit: takes out the scan (from place `fixed` on) whose worth per
-  // second is least, as long as that takes. The fixed ones stay even if they alone take longer.
+  // Brings a plan within the limit: removes the scan (from position `fixed` on) with the least
+  // worth per second until the plan fits. The fixed scans stay even if they alone exceed the limit.
   void Shorten(PoolPlan& plan, size_t fixed, double limit_s) const;
-  // A plan worth no less and within the limit, as the given one is, of at most `most_scans`; see
-  // above. Stops after `rounds` rounds, or when `stop` says so.
+  // Returns a plan within the limit that is worth at least as much as `plan` (itself within the
+  // limit), with at most `most_scans`. Stops after `rounds` rounds, or when `stop` returns true.
   PoolPlan Improve(PoolPlan plan, size_t fixed, double limit_s, size_t most_scans, int rounds,
                    Random& random, const std::function<bool()>& stop) const;
-  // Seconds by which a scan makes a plan longer if it is put in at its best place; `order`: a plan
-  // in the order in which it is executed.
+  // Seconds that a scan adds to a plan at its best position. `order`: the plan in the order of
+  // execution.
   double AddedS(const std::vector<Measurement>& order, size_t fixed, const Measurement& scan,
                 double scan_s) const;
-  // The plan in the order in which it is executed.
+  // The plan's scans in the order of execution.
   PoolPlan InOrder(const PoolPlan& plan, size_t fixed) const;
 
  private:
   // Seconds of moving from a scan to every scan of the pool.
   using Moves = std::vector<double>;
   Moves MovesFrom(size_t scan) const;
-  // As AddedS for every scan of the pool; `moves`: one per scan of the order.
+  // AddedS of every scan of the pool; `moves`: one element per scan of `order`.
   std::vector<double> AddedByEach(const PoolPlan& order, const std::vector<const Moves*>& moves,
                                   size_t fixed) const;
   // Adds scans that fit, by worth per added second or by worth alone.
   void Fill(PoolPlan& plan, size_t fixed, double limit_s, size_t most_scans, bool per_second) const;
-  // Exchanges while that is worth more, or as much in less time.
+  // Exchanges scans while that raises the worth, or keeps it in less time.
   void ExchangeWhileBetter(PoolPlan& plan, size_t fixed, double limit_s) const;
 
   const ExecutionModel& execution_;

@@ -13,16 +13,16 @@ namespace sightline {
 namespace {
 
 constexpr int kPoolRounds = 12;
-// How often a plan that exact frames make too long is chosen again.
+// Largest number of repeated choices after exact frames made a plan too long.
 constexpr int kMaxCorrections = 4;
 constexpr int64_t kPolishBatches = 6;
 constexpr int kSwarm = 50;
 constexpr size_t kKeptPerSearch = 32;
 constexpr size_t kKeptPerPolish = 4;
 constexpr double kKeptSeparation = 0.03;
-// Among equal gains the quicker scan is better; together these differences stay below one target.
+// Prefers the quicker scan among equal gains; these differences add up to less than one target.
 constexpr double kTieBreak = 1e-3;
-// Scans without travel and repositioning are worth as much per second as those of this long.
+// Lower limit of a scan's time in gain per second, for scans without travel and repositioning.
 constexpr double kLeastTimeInSearch_s = 0.1;
 
 }  // namespace
@@ -89,7 +89,7 @@ absl::Status TimedSearch::Start(std::span<const Measurement> candidates) {
 void TimedSearch::ImproveFromPool(PoolPlan& plan, double limit_s, size_t most_scans) {
   const PoolPlan better = Choice().Improve(plan, fixed_, limit_s, most_scans, kPoolRounds, random_,
                                            [this] { return run_.Stopped(); });
-  // The pool looks at a part of the targets.
+  // The pool uses only a sample of the targets, so compare over all targets.
   if (Worth(better) >= Worth(plan)) plan = better;
 }
 
@@ -149,7 +149,7 @@ absl::Status TimedSearch::Polish(PoolPlan& plan, size_t place, double limit_s,
 
 absl::Status TimedSearch::SearchForSecond(const PoolPlan& plan, double limit_s,
                                           int64_t evaluations) {
-  // Takes out the scan that is worth least per second.
+  // Removes the scan with the least worth per second.
   PoolPlan others = plan;
   if (others.size() > fixed_) {
     Choice().Shorten(others, fixed_, std::nexttoward(Choice().TimeS(plan, fixed_), 0.0L));
@@ -241,7 +241,7 @@ absl::StatusOr<std::vector<Measurement>> TimedSearch::MostWithin(
     Choice().Shorten(plan, fixed_, limit_s);
     ImproveFromPool(plan, limit_s, most_scans);
   }
-  // A plan that is still too long after so many corrections loses its weakest scans.
+  // If the plan is still too long after kMaxCorrections, it loses its weakest scans.
   SIGHTLINE_RETURN_IF_ERROR(MakeExact(plan));
   Choice().Shorten(plan, fixed_, limit_s);
   std::vector<Measurement> scans;

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // The plan that satisfies most within a number of seconds.
 //
-// As the refined strategy, with seconds in place of a number of scans: choice out of a pool of good
-// scans (timed_choice.h), then one scan after the other moves in the continuous parameters to
-// satisfy most of the targets that the others leave without making the plan too long, and scans
-// are searched that satisfy most per second. The search goes by fast estimates of what a scan
-// satisfies and of its frames; exact frames replace these once a scan is in a plan, and a plan that
-// they make too long is chosen again.
+// It works as the refined strategy, with seconds in place of a number of scans. It first chooses
+// from a pool of good scans (timed_choice.h). Then one scan after the other moves in its continuous
+// parameters to satisfy most of the remaining targets without making the plan too long, and new
+// scans are searched that satisfy most per second. The search uses fast estimates of satisfied
+// targets and of frames. Once a scan is in a plan, exact frames replace the estimate; if these make
+// the plan too long, the choice is repeated.
 #pragma once
 
 #include <array>
@@ -30,8 +30,8 @@ class TimedSearch {
  public:
   using EstimateFrames = std::function<FrameRange(const Measurement&)>;
 
-  // The run's locked scans are in every plan. `estimate` may be empty: exact frames are asked.
-  // References must outlive the search; `candidates`: scans known to be good.
+  // The run's locked scans are in every plan. An empty `estimate` asks for exact frames. References
+  // must outlive the search; `candidates`: scans known to be good.
   TimedSearch(PlanRun& run, const ExecutionModel& execution, double scan_step_m,
               EstimateFrames estimate)
       : run_(run),
@@ -44,19 +44,19 @@ class TimedSearch {
               TargetSample(run.gain_model().measurable(), run.gain_model().steps().size(),
                            kSamplePairs, random_)) {}
 
-  // Fills the pool: the locked scans, then `candidates` as far as they are feasible. To be called
-  // once, first.
+  // Fills the pool with the locked scans, then the feasible `candidates`. Call it once,
+  // first.
   absl::Status Start(std::span<const Measurement> candidates);
-  // Scans of the plan without the locked ones, exactly within the limit; of at most `most_scans`
-  // in all. `starts`: plans to begin with, without their locked scans; scans that do not fit are
-  // left out. May spend about `evaluations`; with 0
-  // only known scans are chosen from. CANCELLED once the run is stopped.
+  // Returns the plan's scans without the locked ones. The plan keeps the limit by exact frames and
+  // has at most `most_scans` scans, locked ones included. `starts`: initial plans without their
+  // locked scans; scans that do not fit are left out. Spends about `evaluations`; with 0 it chooses
+  // from known scans only. CANCELLED once the run is stopped.
   absl::StatusOr<std::vector<Measurement>> MostWithin(
       double limit_s, std::span<const std::vector<Measurement>> starts, size_t most_scans,
       int64_t evaluations);
 
  private:
-  // Choices by seconds try far more plans than those by numbers.
+  // The choice by seconds tries far more plans than the choice by number, so its sample is smaller.
   static constexpr size_t kSamplePairs = 4096;
 
   struct Scan {
@@ -65,7 +65,7 @@ class TimedSearch {
     bool exact_frames = false;
   };
 
-  // Index of each scan in the pool; none for those that are not feasible.
+  // Index of each scan in the pool; nothing for infeasible scans.
   absl::StatusOr<std::vector<std::optional<size_t>>> Add(std::span<const Measurement> scans,
                                                          bool even_if_infeasible = false);
   double ScanS(FrameRange frames) const {
@@ -78,14 +78,14 @@ class TimedSearch {
   absl::StatusOr<PoolPlan> Begin(double limit_s, std::span<const Measurement> start,
                                  size_t most_scans);
   void ImproveFromPool(PoolPlan& plan, double limit_s, size_t most_scans);
-  // Worth of scans in addition to those of `order`: worth(gain, seconds they add); -1 if that is
-  // more than `left_s`. The best ones go into `top`, which must outlive it.
+  // worth(gain, added seconds) of scans in addition to those of `order`; -1 if they add more than
+  // `left_s`. The best points go into `top`, which must outlive the result.
   BatchObjective Timed(const BatchObjective& gain, const std::vector<Measurement>& order,
                        double left_s, TopPoints& top,
                        const std::function<double(double gain, double added_s)>& worth);
   absl::Status Polish(PoolPlan& plan, size_t place, double limit_s, int64_t evaluations);
   absl::Status SearchForSecond(const PoolPlan& plan, double limit_s, int64_t evaluations);
-  // Exact frames of the plan's scans; those that are infeasible leave plan and pool.
+  // Computes exact frames of the plan's scans; infeasible scans leave plan and pool.
   absl::Status MakeExact(PoolPlan& plan);
   TimedChoice Choice() const { return TimedChoice(execution_, pool_, measurements_, scan_s_); }
 

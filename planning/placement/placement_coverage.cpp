@@ -25,7 +25,7 @@ std::vector<int64_t> CombineExecutions(const std::vector<std::vector<TargetBits>
                                        std::span<const size_t> group_ends, int executions) {
   std::vector<int64_t> counts;
   if (covered.empty() || covered.front().empty()) return counts;
-  // The targets that each group covers at each draw.
+  // Targets that each group covers at each placement.
   std::vector<std::vector<TargetBits>> by_group;
   for (size_t g = 0; g < group_ends.size(); ++g) {
     std::vector<TargetBits>& draws = by_group.emplace_back();

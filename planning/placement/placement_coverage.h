@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Coverage of a plan under errors of placement: a quantile over simulated executions of the plan.
 //
-// Each scan is evaluated exactly at a few drawn placements. An execution combines, for every group
-// of scans with common errors, one of these. Groups are independent of each other, so far more
-// executions than drawn placements follow from the same evaluations (a resampling estimate).
+// Each scan is evaluated exactly at a few random placements. A simulated execution takes one of
+// these for every group of scans with common errors. Groups are independent, so the same
+// evaluations give far more executions than placements (a resampling estimate).
 #pragma once
 
 #include <cstddef>
@@ -20,14 +20,14 @@
 
 namespace sightline {
 
-// Drawn placements of every scan of a plan: 24, and fewer, at least 12, where a plan has more than
-// 15 scans, since each takes an exact evaluation.
+// Number of random placements per scan: 24, reduced down to 12 for plans of more than 15 scans,
+// since each placement needs one exact evaluation.
 int PlacementDrawsFor(size_t scans);
-// Executions that they are combined to.
+// Number of simulated executions that combine these placements.
 inline constexpr int kPlacementExecutions = 2000;
 
-// Numbers of covered targets of executions: covered[d][s] are the targets of scan s at its draw d.
-// With one group, the executions are the draws.
+// Number of covered targets of each execution. covered[d][s]: targets of scan s at placement d.
+// With a single group each placement is one execution.
 std::vector<int64_t> CombineExecutions(const std::vector<std::vector<TargetBits>>& covered,
                                        std::span<const size_t> group_ends, int executions);
 
@@ -35,8 +35,8 @@ std::vector<int64_t> CombineExecutions(const std::vector<std::vector<TargetBits>
 using DisplacedEvaluation = std::function<absl::StatusOr<std::vector<ScanCoverage>>(
     std::span<const Measurement>, std::span<const ScanDisplacement>)>;
 
-// The covered fraction of `measurable` targets, of which there are some, that 95 of 100 executions
-// exceed. `scans` in the order in which they are made. Errors of `evaluate` are passed on.
+// Fraction of `measurable` targets (> 0) that 95 % of the executions cover or exceed. `scans`: in
+// the order of execution. Errors of `evaluate` are passed on.
 absl::StatusOr<double> PlacementCoverage(const PlacementModel& model,
                                          std::span<const Measurement> scans, int64_t measurable,
                                          const DisplacedEvaluation& evaluate);

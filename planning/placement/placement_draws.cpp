@@ -11,7 +11,7 @@ namespace sightline {
 namespace {
 
 Eigen::Vector3d NormalVector(CounterRandom& random, double standard_deviation) {
-  // One after the other: arguments of a constructor have no order.
+  // Separate statements fix the order of evaluation; constructor arguments have none.
   const double x = random.Normal(), y = random.Normal(), z = random.Normal();
   return standard_deviation * Eigen::Vector3d(x, y, z);
 }

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Simulated placements: where part, camera and laser of a plan's scans are when a person or a robot
-// puts them there with errors.
+// Simulated placements: poses of part, camera and laser in each scan of a plan when a person or a
+// robot places them with errors.
 //
-// Errors are normal and independent along and about each axis. One error of the sensors holds for
-// all scans that are made without moving them, one of the part for all scans without touching it.
-// A robot comes to every scan anew. Camera and laser in one housing move as one body.
+// Errors are normal and independent along and about each axis. Scans made without moving the
+// sensors share one error of the sensors; scans made without touching the part, one of the
+// part. A robot approaches every scan anew. Camera and laser in one housing move as one
+// body.
 #pragma once
 
 #include <cstddef>
@@ -37,10 +38,10 @@ class PlacementDraws {
   // `scans` in the order in which they are made.
   PlacementDraws(PlacementModel model, std::span<const Measurement> scans);
 
-  // Displacements of all scans in one execution of the plan, by its number.
+  // Displacements of all scans in the execution with this number.
   std::vector<ScanDisplacement> Draw(uint64_t seed, uint32_t execution) const;
 
-  // Position behind the last scan of each group of scans: no error is common to two groups.
+  // Index behind the last scan of each group. Scans of different groups share no error.
   const std::vector<size_t>& group_ends() const { return group_ends_; }
 
  private:

@@ -11,7 +11,7 @@
 namespace sightline {
 namespace {
 
-// Remarks go into plans, which do not depend on where files are.
+// Remarks go into plans, whose content must not depend on the folder of a file.
 std::string NameOf(const std::string& file) {
   return std::filesystem::path(file).filename().string();
 }
@@ -36,7 +36,7 @@ absl::StatusOr<std::string> CheckPlanBelongsToPart(const std::string& file,
     case DigestComparison::kSame:
       return std::string();
     case DigestComparison::kOtherRule:
-      // A later version made the file: only its user can know that the part is the same.
+      // The file comes from a later version: only its user can know that the part is the same.
       if (stated->rule > part.rule && other_part != OtherPart::kTaken) {
         return absl::InvalidArgumentError(absl::StrCat(
             file, ": ", both(part_file), ": rule ", stated->rule,

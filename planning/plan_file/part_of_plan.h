@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whether a plan belongs to the part of an inspection. Files of scans state the digest of the part
-// that they were made for (core/part/part_digest.h); every command that takes such a file compares
-// it here with the part of its inspection.
+// Check that a plan belongs to the part of an inspection. Files of scans state the digest of the
+// part that they were made for (core/part/part_digest.h); every command that reads such a file
+// compares it here with the part of its inspection.
 //
 //   GivenPlans plans;                        // --other-part sets plans.other_part
 //   auto scans = ReadPlanScans(path, &plans);
@@ -23,18 +23,18 @@ enum class OtherPart {
   kTaken,                 // taken, with a remark
 };
 
-// Compares the digest that `file` states with that of the part. The answer is a remark for people,
-// empty if the file is of this part or states no digest, as those that are written by hand. It
-// names files without their folders, since plans keep it. A digest by an older rule cannot be
-// compared: the file is taken, and the remark says so. INVALID_ARGUMENT names both files and both
-// digests of two parts, a rule of a later version, or a text that is no digest.
+// Compares the digest that `file` states with that of the part. Returns a remark for people, empty
+// if the digests agree or the file states none (as files written by hand). The remark names files
+// without folders, since plans keep it. A digest by an older rule cannot be compared: the file is
+// accepted with a remark. INVALID_ARGUMENT if the digests differ (names both files and digests), if
+// the rule is of a later version, or if the text is no digest.
 absl::StatusOr<std::string> CheckPlanBelongsToPart(const std::string& file,
                                                    const std::string& stated_digest,
                                                    const PartDigest& part,
                                                    const std::string& part_file,
                                                    OtherPart other_part);
 
-// The plans that a command was given.
+// Plans given to one command.
 struct GivenPlans {
   struct Plan {
     std::string file;
@@ -43,7 +43,7 @@ struct GivenPlans {
   std::vector<Plan> plans;
   bool other_part = false;  // --other-part
 
-  // Whether any of them states a digest, so that the part's is needed.
+  // True if any plan states a digest, so that the digest of the part is needed.
   bool StateAPart() const;
   // CheckPlanBelongsToPart of every plan; the remarks in the order of the plans, each once.
   absl::StatusOr<std::vector<std::string>> CheckBelongTo(const PartDigest& part,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// plan.json as it comes back from people and earlier runs.
+// Reads scans from a plan.json that a person edited or an earlier run wrote.
 #pragma once
 
 #include <string>
@@ -12,7 +12,7 @@
 
 namespace sightline {
 
-// As many scans as goal.max_scans can be.
+// Same limit as goal.max_scans.
 inline constexpr int kMostPlanScans = 1000;
 
 struct PlanFileScans {

@@ -14,7 +14,7 @@
 namespace sightline {
 namespace {
 
-// Targets lie on the facets of a mesh, up to the chord tolerance from the surface.
+// Recognition tolerances: targets lie on mesh facets, up to the chord tolerance off the surface.
 constexpr Recognition kOnFacets{2e-4, 0.3};
 
 // A surface with the targets of the plan that lie on it.
@@ -29,7 +29,7 @@ class SurfaceBinder {
   SurfaceBinder(const Requirements& requirements, const TargetSet& targets)
       : requirements_(requirements), targets_(targets) {}
 
-  // Surfaces of faces, those of one nominal surface joined. A target belongs to one of them.
+  // Surfaces of faces; those of one nominal surface are joined. A target belongs to one of them.
   std::vector<TargetedSurface> SurfacesOf(const std::vector<const FaceSurface*>& faces) const {
     std::vector<TargetedSurface> surfaces;
     std::set<uint32_t> taken;
@@ -57,7 +57,7 @@ class SurfaceBinder {
     return surfaces;
   }
 
-  // The surface that the targets themselves lie on, for boxes and materials.
+  // Surface fitted to the targets themselves, for boxes and materials.
   TargetedSurface SurfaceOfTargets(std::vector<uint32_t> chosen) const {
     constexpr size_t kMostPoints = 400;
     std::vector<Eigen::Vector3d> points, normals;
@@ -165,7 +165,7 @@ absl::StatusOr<std::vector<TargetedSurface>> SurfacesOfDatum(const std::string& 
   return surfaces;
 }
 
-// Every so many targets of each surface, so that all together are no more than `most`.
+// Takes every n-th target of each surface so that the sum is at most `most`.
 void Thin(std::vector<TargetedSurface*>& surfaces, size_t most) {
   size_t total = 0;
   for (const TargetedSurface* surface : surfaces) total += surface->targets.size();
@@ -182,8 +182,8 @@ void Thin(std::vector<TargetedSurface*>& surfaces, size_t most) {
   }
 }
 
-// Indices of a surface's targets within the characteristic; targets of several surfaces stand there
-// once.
+// Indices of a surface's targets within the characteristic. Targets of several surfaces appear
+// there only once.
 FeatureElement ElementOf(const TargetedSurface& surface, std::map<uint32_t, int>& index,
                          std::vector<uint32_t>& targets) {
   FeatureElement element;

@@ -18,11 +18,11 @@ struct BoundCharacteristic {
   size_t own_targets = 0;         // those of the feature
 };
 
-// Faces on one nominal surface within 10 um are one surface; two parallel planes with opposite
-// normals are a width where place or orientation is toleranced. At most `most_targets` are taken,
-// evenly of all surfaces, but kFewestFeatureTargets of each where there are so many. Unimplemented:
-// a datum binds no face, or too few targets lie on a surface that is fitted; the message says
-// which.
+// Faces on one nominal surface within 10 um form one surface. Two parallel planes with opposite
+// normals form a width where location or orientation is toleranced. At most `most_targets` are
+// taken, evenly from all surfaces, but at least kFewestFeatureTargets of each surface that has so
+// many. UNIMPLEMENTED if a datum binds no face, or if a fitted surface has too few targets; the
+// message names it.
 absl::StatusOr<BoundCharacteristic> BindCharacteristic(const TolerancedFeature& feature,
                                                        const Requirements& requirements,
                                                        const TargetSet& targets,

@@ -10,13 +10,13 @@
 namespace sightline {
 namespace {
 
-// Points that a face is compared at, apart from three per triangle.
+// Number of points compared per face, in addition to three per triangle.
 constexpr double kPointsPerFace = 2000;
-// Triangles of a face that are looked at; of more, every so many.
+// Largest number of compared triangles of a face; a larger face is subsampled evenly.
 constexpr size_t kMostComparedTriangles = 20000;
 
-// Calls visit(point, normal) at points of every triangle at about the same spacing: its corners and
-// a grid between them.
+// Calls visit(point, normal) at the corners of every triangle and at a grid between them, with
+// about the same spacing in all triangles.
 template <typename Visit>
 void ForPointsOfFace(const FaceTriangles& face, const Visit& visit) {
   double area_m2 = 0;
@@ -32,7 +32,7 @@ void ForPointsOfFace(const FaceTriangles& face, const Visit& visit) {
     const Eigen::Vector3d normal = normal_of(t);
     if (!(normal.norm() > 0)) continue;
     const Eigen::Vector3d a = corner(t, 0), b = corner(t, 1), c = corner(t, 2);
-    // A sliver is long and has little area: its grid is as fine as its area asks for.
+    // Slivers are long but have little area, so the area determines the fineness of the grid.
     const double steps = std::clamp(std::sqrt(normal.norm()) / spacing_m, 1.0, 100.0);
     const int count = static_cast<int>(std::ceil(steps));
     for (int i = 0; i <= count; ++i) {
@@ -58,7 +58,7 @@ FacesOnPart::Farthest FacesOnPart::FarthestPoint(const FaceTriangles& face) {
     if (surface_->Nearest(point_m, normal, most_distance_m_)) return;
     const auto any = surface_->Nearest(point_m, Eigen::Vector3d::Zero(),
                                        std::max(part_size_m_, most_distance_m_));
-    // Farther off than the part is large; the distance from its middle says how far about.
+    // No surface within the part's size: the distance from the part's middle is a rough estimate.
     const double distance_m =
         any ? any->distance_m
             : (part_.BoundingBox().center() - point_m).norm() - 0.5 * part_size_m_;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whether the faces that a file of tolerances binds are faces of the part's mesh. A file of another
-// revision of the part, in another unit or in other coordinates has the same names and numbers;
-// only its positions differ.
+// Check that the faces of a tolerance file lie on the part's mesh. A file of another revision of
+// the part, in another unit or in other coordinates has the same names and numbers; only its
+// positions differ.
 //
 //   FacesOnPart check(part);
 //   absl::Status status = check.Check(face, "tolerance flatness #57");
@@ -25,10 +25,10 @@ class FacesOnPart {
   explicit FacesOnPart(const TriangleMesh& part,
                        double most_distance_m = FaceMatch{}.max_distance_m);
 
-  // `face` is one that FaceSurface::Make takes. Compares points all over it, some 2000 at a regular
-  // spacing, with the nearest surface of the mesh that faces the same way. INVALID_ARGUMENT names
-  // the face, the point that is farthest from the mesh and its distance; `binds` names the
-  // tolerance that binds the face. A face of several tolerances is compared once.
+  // `face` must pass FaceSurface::Make. Compares some 2000 regularly spaced points of the face with
+  // the nearest surface of the mesh that faces the same way. INVALID_ARGUMENT names the face, its
+  // point farthest from the mesh and the distance; `binds` names the tolerance that binds the face.
+  // A face of several tolerances is compared only once.
   absl::Status Check(const FaceTriangles& face, const std::string& binds);
 
  private:

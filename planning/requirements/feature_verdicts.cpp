@@ -39,7 +39,7 @@ void SetJudged(const FeatureConformance& judged, v1::FeatureVerdict* verdict) {
   if (judged.bias_m > 0) verdict->set_bias_m(judged.bias_m);
 }
 
-// Judges a feature by the characteristic that was made of it.
+// Evaluates a feature by its characteristic.
 absl::Status JudgeBound(const Inspection& inspection, const Requirements& requirements,
                         const PlanKnowledge& knowledge, const TolerancedFeature& toleranced,
                         const BoundCharacteristic& bound, v1::FeatureVerdict* verdict) {
@@ -47,7 +47,7 @@ absl::Status JudgeBound(const Inspection& inspection, const Requirements& requir
   options.rule = requirements.rule;
   const double known_m = KnownUncertainty(inspection, requirements, toleranced);
   options.known_uncertainty_m = known_m;
-  // All targets count, also where the joint errors are those of every so many.
+  // Counts include all targets, also if joint errors are computed for a subset only.
   const std::vector<uint32_t> all = requirements.TargetsOf(toleranced, *knowledge.targets);
   TargetCounts& counts = options.counts.emplace();
   for (const uint32_t t : all) {

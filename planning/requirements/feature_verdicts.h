@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whether a plan can prove that each toleranced feature conforms.
+// Verdicts on a plan's ability to prove that each toleranced feature conforms.
 #pragma once
 
 #include <span>
@@ -16,9 +16,9 @@
 
 namespace sightline {
 
-// One verdict per feature and then one per unbound tolerance, in their order (core/conformance).
-// The verdict is NOT_EVALUATED, and says why, if nothing is fitted to the feature's surfaces or one
-// of them holds too few targets.
+// Returns one verdict per feature, then one per unbound tolerance, in their order
+// (core/conformance). The verdict is NOT_EVALUATED with a reason if nothing is fitted to the
+// feature's surfaces or if one of them holds too few targets.
 std::vector<v1::FeatureVerdict> JudgeFeatures(const Inspection& inspection,
                                               const Requirements& requirements,
                                               const PlanKnowledge& knowledge);

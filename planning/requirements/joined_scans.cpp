@@ -50,7 +50,7 @@ std::vector<bool> OnDatums(const Requirements& requirements, const TargetSet& ta
   return on;
 }
 
-// `sensors_move`: their places differ, so that errors of putting them there count as well.
+// `sensors_move`: the sensors change their place, so errors of placing them count too.
 PoseDeviations PoseBefore(const Inspection& inspection, RegistrationMethod method,
                           bool sensors_move) {
   if (method == RegistrationMethod::kKnownPoses) {
@@ -118,7 +118,7 @@ std::string RegistrationStatement(const Inspection& inspection, const SharedErro
   }
   const std::vector<FrameRegistration>& frames = errors.frames();
   if (frames.size() < 2 && method != RegistrationMethod::kKnownPoses) {
-    return "All scans are made in one set-up: nothing has to be joined, and all are fitted to the "
+    return "All scans are made in one set-up: no registration is needed, and all are fitted to the "
            "model together.";
   }
   double least_m = std::numeric_limits<double>::infinity(), largest_m = 0;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Errors that the scans of a plan share because of how they are made: from which place of the
-// sensors, and in which set-up.
+// Errors that scans of a plan share because they are made from one place of the sensors or in one
+// set-up.
 #pragma once
 
 #include <span>
@@ -13,13 +13,13 @@
 
 namespace sightline {
 
-// Whether estimates of targets share errors at all.
+// True if estimates of different targets share errors at all.
 bool HasSharedErrors(const Inspection& inspection);
 
-// Errors of the scans of `knowledge.density`, in the order in which they are made. Camera and laser
-// in one housing, or held by one robot, have one calibration for all scans; otherwise they have one
+// Shared errors of the scans of `knowledge.density`, in the order of execution. Camera and laser in
+// one housing, or held by one robot, have one calibration for all scans; otherwise they have one
 // for each place. Scans of one set-up have one frame: turns of the table count as exact. A robot
-// comes to every scan anew. `method`: that of the inspection, or kNone for scans that have been
+// approaches every scan anew. `method`: registration of the inspection, or kNone for scans
 // registered otherwise. The targets of `knowledge` must outlive the result.
 SharedErrors SharedErrorsOf(const Inspection& inspection, const Requirements& requirements,
                             std::span<const Measurement> scans,

@@ -59,7 +59,7 @@ void LeaveOutCorrelation(const BoundCharacteristic& bound, Feature& feature) {
 double KnownUncertainty(const Inspection& inspection, const Requirements& requirements,
                         const TolerancedFeature& feature) {
   const double single_m = AdmissibleUncertainty(feature.zone_width_m, requirements.rule);
-  // All targets make a minimum zone together.
+  // A minimum zone depends on every single target.
   if (feature.association == Association::kChebyshev) return single_m;
   switch (feature.kind) {
     case ToleranceKind::kSurfaceProfile:
@@ -101,7 +101,7 @@ absl::Status CheckModelSizes(const Tolerance* tolerance, const CharacteristicFit
       continue;
     }
     return absl::FailedPreconditionError(
-        absl::StrFormat("the model has %.4g mm where the drawing allows %.4g to %.4g mm",
+        absl::StrFormat("the model has %.4g mm, but the drawing allows %.4g to %.4g mm",
                         1e3 * size_m, 1e3 * *tolerance->lower_m, 1e3 * *tolerance->upper_m));
   }
   return absl::OkStatus();

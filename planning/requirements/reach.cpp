@@ -26,14 +26,14 @@ double BestInformationDensity(const Rig& rig, const UncertaintyModel& model,
     std::vector<double> x(static_cast<size_t>(space.dimension()));
     for (double& coordinate : x) coordinate = random.Uniform();
     const ScanGeometry g = MakeScanGeometry(rig, space.ToMeasurement(x));
-    // A sheet nearly along the scan direction lays frames as close as one likes, but travels ten
-    // times as far as it covers and more.
+    // A sheet nearly along the scan direction gives arbitrarily dense frames, but travels more than
+    // ten times the length that it covers.
     if (std::abs(g.sheet_normal.x()) < 0.1) continue;
     const double advance = std::abs(g.sheet_normal.x()) * rig.scan_step_m;
     const Eigen::Vector3d to_camera = g.camera.origin_m.normalized(),
                           to_laser = g.laser.origin_m.normalized();
     const double depth_m = g.camera.origin_m.norm();
-    const double scale = depth_m / rig.camera.FocalLengthPx();  // of a pixel at the origin [m]
+    const double scale = depth_m / rig.camera.FocalLengthPx();  // size of a pixel at the origin [m]
     for (int k = 0; k <= kTilts; ++k) {
       const double share = static_cast<double>(k) / kTilts;
       const Eigen::Vector3d normal = ((1 - share) * to_camera + share * to_laser).normalized();
@@ -44,7 +44,7 @@ double BestInformationDensity(const Rig& rig, const UncertaintyModel& model,
       const double noise_px =
           model.detection.At(depth_m, std::acos(std::clamp(normal.dot(to_camera), -1.0, 1.0)));
       const double variance = noise_px * noise_px * by_image.squaredNorm();
-      // Seen along the sheet itself, a surface shows nothing of its height.
+      // A viewing direction within the sheet does not determine the height of a surface.
       if (normal.dot(to_camera) < 0.1 || !(variance > 1e-6 * noise_px * noise_px * scale * scale)) {
         continue;
       }

@@ -14,7 +14,7 @@
 namespace sightline {
 namespace {
 
-// The triangles of some materials as one face.
+// All triangles of some materials as one face.
 FaceTriangles SurfaceOfMaterials(const TriangleMesh& part, const std::vector<std::string>& names) {
   FaceTriangles face{1, {}, {}};
   for (size_t t = 0; t < part.triangles.size(); ++t) {
@@ -28,7 +28,7 @@ FaceTriangles SurfaceOfMaterials(const TriangleMesh& part, const std::vector<std
   return face;
 }
 
-// The surface that the vertices of a face lie on.
+// The nominal surface through the vertices of a face.
 NominalSurface NominalOf(const FaceTriangles& face) {
   constexpr size_t kMostPoints = 400;
   std::vector<Eigen::Vector3d> sums(face.positions_m.size(), Eigen::Vector3d::Zero());
@@ -63,7 +63,7 @@ absl::Status AddSurface(FaceTriangles face, const std::string& context,
   return absl::OkStatus();
 }
 
-// The limits of the size that the same surfaces have; none without one.
+// Adds the size limits of the same surfaces, if a tolerance states them.
 void AddSizeLimits(const Tolerance& tolerance, const ToleranceReport& report,
                    TolerancedFeature* feature) {
   for (const Tolerance& size : report.read) {
@@ -90,7 +90,7 @@ bool HasModifier(const Tolerance& tolerance, const std::string& modifier) {
 
 using FacesByNumber = std::map<int, const FaceTriangles*>;
 
-// A tolerance of the file as a feature, or among those that nothing can be planned for.
+// Adds a tolerance of the file as a feature, or to the tolerances that cannot be planned for.
 absl::Status AddTolerance(const Tolerance& tolerance, const ToleranceReport& report,
                           const std::string& file, double part_size_m,
                           const FacesByNumber& by_number, FacesOnPart& on_part,
@@ -132,7 +132,7 @@ absl::Status AddTolerance(const Tolerance& tolerance, const ToleranceReport& rep
       if (missed == report.nominal_faces.end()) continue;
       return leave_out(
           absl::StrCat(missed->feature, missed->surface.kind == SurfaceKind::kFreeform
-                                            ? " has no surface that is bound"
+                                            ? " has no nominal surface"
                                             : " does not lie on the part as a whole within 10 um"));
     }
     const std::string binds = absl::StrCat(file, ": tolerance ", tolerance.name);
@@ -141,7 +141,7 @@ absl::Status AddTolerance(const Tolerance& tolerance, const ToleranceReport& rep
     AddNominal(*face->second, requirements);
   }
   if (feature.faces.empty()) {
-    return leave_out("it binds no face that the file gives the surface of");
+    return leave_out("it binds no face whose surface is in the file");
   }
   requirements->features.push_back(std::move(feature));
   requirements->tolerances.push_back(tolerance);
@@ -281,7 +281,7 @@ absl::StatusOr<Requirements> MakeRequirements(const Inspection& inspection,
                                                              on_part, path, &requirements));
     requirements.features.push_back(std::move(feature));
   }
-  // Angles ask nothing of single targets, so that no scans can be planned for them alone.
+  // Angles do not limit single targets, so no scans can be planned for angles alone.
   const bool any_zone = std::any_of(requirements.features.begin(), requirements.features.end(),
                                     [](const auto& feature) { return feature.zone_width_m > 0; });
   if (!any_zone && !requirements.default_zone_width_m) {

@@ -11,13 +11,13 @@ namespace sightline {
 namespace {
 
 constexpr int kStarts = 24;
-// An arm of six joints has at most 16 solutions, usual ones 8.
+// An arm of six joints has at most 16 solutions; usual arms have 8.
 constexpr size_t kMostSolutions = 16;
 constexpr int kIterations = 100;
 constexpr int kFollowIterations = 30;
-// Positions this near [rad or m] are the same solution.
+// Positions that differ by less [rad or m] count as the same solution.
 constexpr double kSame = 1e-3;
-// A metre counts like so many radians; of KDL's default the rotation is too small a part.
+// Weight of a radian against a metre; KDL's default weights rotation too little.
 constexpr double kRotationWeight = 0.3;
 constexpr double kEnough = 1e-7;  // of the weighted distance
 
@@ -74,7 +74,7 @@ InverseKinematics::InverseKinematics(const RobotModel& model) : model_(model) {
   for (int n = 1; n < kStarts; ++n) {
     JointPositions start;
     for (size_t j = 0; j < model.joints.size(); ++j) {
-      // More than a turn is the same again.
+      // Positions beyond one full turn repeat earlier ones.
       const RobotJoint& joint = model.joints[j];
       const double middle = (joint.min + joint.max) / 2;
       const double half = joint.rotary ? std::min((joint.max - joint.min) / 2, std::numbers::pi)
@@ -99,7 +99,7 @@ JointPositions InverseKinematics::WithoutTurns(JointPositions q, const JointPosi
     if (!joint.rotary) continue;
     q[j] = near[j] + std::remainder(q[j] - near[j], kTurn);
     if (joint.continuous) continue;
-    // On the side of the range, one turn back may be inside.
+    // If the position is beyond a limit, one turn back may be inside the range.
     if (q[j] > joint.max && q[j] - kTurn >= joint.min) q[j] -= kTurn;
     if (q[j] < joint.min && q[j] + kTurn <= joint.max) q[j] += kTurn;
   }
@@ -117,7 +117,7 @@ InverseKinematicsResult InverseKinematics::Solve(
     result.miss_m = distance_m - longest_reach_m_;
     return result;
   }
-  // Joints remember their last pose, and the solver has a reference to them: not for two threads.
+  // Joints cache their last pose and the solver refers to them, so each thread needs a copy.
   const KDL::Chain chain = chain_;
   KDL::ChainIkSolverPos_LMA solver(chain, Weights(), kEnough, kIterations);
   const KDL::Frame goal = ToKdl(tip);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Joint positions that bring the tip of a chain to a pose: Levenberg-Marquardt (KDL) from fixed
-// starts, so that the same pose has the same solutions.
+// starts, so that results are reproducible.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -15,19 +15,20 @@
 
 namespace sightline {
 
-// A pose counts as reached within these, less than arms repeat.
+// Tolerances within which a pose counts as reached; arms repeat less precisely.
 inline constexpr double kPositionToleranceM = 2e-5;
 inline constexpr double kAngleToleranceRad = 1e-4;
 
 struct InverseKinematicsResult {
   // Within the limits, different from each other, in the order of the starts.
   std::vector<JointPositions> solutions;
-  // Why there are none.
+  // Reason why there is no solution.
   enum class Miss { kNone, kReach, kLimit };
   Miss miss = Miss::kNone;
-  // kReach: how near the tip came, by the best start.
+  // kReach: distance of the tip from the pose for the best start.
   double miss_m = 0, miss_rad = 0;
-  // kLimit: the joint that is beyond its limits in the solution that is least so, and its position.
+  // kLimit: the joint out of limits, and its position, in the solution that exceeds them
+  // least.
   int limit_joint = -1;
   double limit_position = 0;
 };
@@ -37,21 +38,21 @@ class InverseKinematics {
   // `model` must outlive it.
   explicit InverseKinematics(const RobotModel& model);
 
-  // `tip`: in the frame of the base link. Of turns that are the same, a solution has the one next
-  // to home within the limits. Solutions are offered to `enough` as they are found; true ends the
-  // search. May be called by several threads.
+  // `tip`: in the frame of the base link. Among positions that differ by whole turns, a solution
+  // has the one nearest to home within the limits. Each solution is passed to `enough`, which ends
+  // the search by returning true. Thread-safe.
   InverseKinematicsResult Solve(const Eigen::Isometry3d& tip,
                                 const std::function<bool(const JointPositions&)>& enough) const;
 
-  // The solution next to `from`, without a jump to another branch, or the nearest it comes to;
-  // `reached` says which. Limits are not looked at.
+  // The solution next to `from` without a jump to another branch (`reached` is then true), or else
+  // the nearest pose that can be reached. Joint limits are ignored.
   JointPositions Follow(const Eigen::Isometry3d& tip, const JointPositions& from,
                         bool* reached) const;
 
  private:
-  // Turned by whole turns next to `near` within the limits.
+  // Adds whole turns to `q` so that it is next to `near` within the limits.
   JointPositions WithoutTurns(JointPositions q, const JointPositions& near) const;
-  // How far the tip is from a pose [m, rad].
+  // Distance of the tip from a pose [m, rad].
   std::pair<double, double> Distance(const Eigen::Isometry3d& tip, const JointPositions& q) const;
 
   const RobotModel& model_;

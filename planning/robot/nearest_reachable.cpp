@@ -32,7 +32,7 @@ std::optional<Measurement> NearestReachable(
     const Measurement scan = space.ToMeasurement(unit);
     return cell.Reachable(scan, travel_of(scan), false).reachable();
   };
-  if (reaches(centre)) return space.ToMeasurement(centre);  // it was beside the domain
+  if (reaches(centre)) return space.ToMeasurement(centre);  // it lay outside the domain
   Random random(kSeed);
   std::optional<std::vector<double>> nearest;
   double nearest_distance = 2;
@@ -64,7 +64,7 @@ std::optional<Measurement> NearestReachable(
     std::sort(reached.begin(), reached.end());
     if (reached.size() > kNearestTried) reached.resize(kNearestTried);
     for (auto& [distance, unit] : reached) {
-      // Between reached and unreached scans.
+      // Bisection between a reachable and an unreachable scan.
       double in = 1, out = 0;
       std::vector<double> best = unit;
       for (int k = 0; k < kHalvings && !stopped(); ++k) {

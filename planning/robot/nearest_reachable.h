@@ -12,9 +12,9 @@
 
 namespace sightline {
 
-// The nearest reachable scan of the domain that a search about `measurement` finds: by random scans
-// ever farther from it, each parameter counted in parts of its domain, and from the nearest of
-// these back towards it. The same every time. Nothing: none was found, or it was interrupted.
+// Searches for a reachable scan of the domain near `measurement`. It tries random scans at growing
+// distance, with each parameter scaled by its domain, then moves from the nearest of these back
+// towards `measurement`. The result is reproducible. Nothing if none was found, or if interrupted.
 std::optional<Measurement> NearestReachable(
     const RobotCell& cell, const MeasurementDomain& domain, const Measurement& measurement,
     const std::function<ScanTravel(const Measurement&)>& travel_of,

@@ -14,8 +14,8 @@ namespace sightline {
 namespace {
 
 constexpr int kMostSteps = 5000;
-// An arm that follows a straight line turns no joint by more between two steps of 10 mm; if it has
-// to, it passes a singularity.
+// Largest turn of a joint between two steps of 10 mm on a straight line; a larger one indicates a
+// singularity.
 constexpr double kLargestTurnRad = 0.5;
 
 double Degrees(double rad) { return rad * 180 / std::numbers::pi; }
@@ -35,8 +35,8 @@ std::string ContactText(const Contact& contact) {
   return absl::StrCat("collision: ", contact.first, " with ", contact.second);
 }
 
-// Vertices among which the lowest one of any orientation is. Of large meshes the lowest along each
-// of many directions, which lie 0.06 rad apart: other vertices are lower by less than 0.0005 of the
+// Vertices that contain the lowest one in any orientation. For large meshes: the lowest vertex
+// along each of many directions 0.06 rad apart; other vertices are lower by less than 0.0005 of the
 // size.
 std::vector<Eigen::Vector3f> ExtremeVertices(const TriangleMesh& mesh) {
   constexpr size_t kAll = 20000;
@@ -159,7 +159,7 @@ std::vector<NamedSolid> RobotCell::Around(const ScanGeometry& geometry, double h
     if (task_.obstacles[i].frame != ObstacleFrame::kPart) {
       pose = Eigen::Isometry3d::Identity();
       pose.translation() = stage;
-      // The origin of FRAME_TABLE is the cell's; FRAME_WORLD is refused where a robot carries a
+      // The origin of FRAME_TABLE is that of the cell. FRAME_WORLD is rejected if a robot carries a
       // head.
       if (task_.obstacles[i].frame == ObstacleFrame::kStage) pose.translation().z() += height_m;
     }
@@ -197,7 +197,7 @@ Reach RobotCell::HeadReach(const ScanGeometry& geometry, double height_m, const 
       kinematics_.Solve(TipGoal(geometry, height_m, 0), [&](const JointPositions& q) {
         const auto links = model_.LinkPoses(q);
         std::optional<Contact> contact = collision_->WithItself(links);
-        // The coverage server looks at the bodies of the head.
+        // The coverage server checks the bodies of the head.
         if (!contact) {
           contact = collision_->WithMovingSurroundings(links, around, travel.start_m * along,
                                                        travel.end_m * along, false);
@@ -314,7 +314,7 @@ double RobotCell::MoveTimeS(const JointPositions& from, const JointPositions& to
     at_speed_s = std::max(at_speed_s, std::abs(to[j] - from[j]) / (model_.joints[j].max_speed *
                                                                    task_.mount.speed_fraction));
   }
-  // Starting and stopping take half of the way of that time each; a short move never gets to speed.
+  // Starting and stopping each add half of the ramp time; a short move never gets to full speed.
   const double ramp_s = task_.mount.acceleration_time_s;
   return at_speed_s >= ramp_s ? at_speed_s + ramp_s : 2 * std::sqrt(at_speed_s * ramp_s);
 }

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// The cell: an arm, its load, its surroundings, and whether it reaches a scan.
+// The cell: an arm, its load and its surroundings, with a check that the arm reaches a scan.
 //
-// An arm with the sensor head holds one pose for a whole scan, while the part travels on its stage
-// beside it; it does the offsets of the scan as well, so that the part never leaves the stage. An
-// arm or table with the part carries it past sensors that stand still, along the whole travel.
+// An arm with the sensor head holds one pose during a whole scan, while the part travels on its
+// stage. The arm also performs the offsets of the scan, so that the part never leaves the stage. An
+// arm or table with the part carries it past fixed sensors along the whole travel.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -39,7 +39,8 @@ struct CellObstacle {
 struct CellTask {
   RobotMount mount;
   Rig rig;
-  // Gives a rigid head's camera distance and triangulation angle. Not used for parts.
+  // Sets camera distance and triangulation angle of a rigid head; not used if the arm holds the
+  // part.
   Measurement head;
   std::shared_ptr<const TriangleMesh> part;
   Eigen::Vector3d part_centre_m = Eigen::Vector3d::Zero();
@@ -52,7 +53,7 @@ struct ScanPosition {
 };
 
 struct Reach {
-  // Joint positions from which the arm can make the scan; none: it cannot, `because`.
+  // Joint positions from which the arm can make the scan; if empty, `because` is the reason.
   std::vector<ScanPosition> positions;
   std::string because;
 
@@ -69,8 +70,8 @@ class RobotCell {
   const RobotModel& model() const { return model_; }
   bool carries_part() const { return task_.mount.load == RobotMount::Load::kPart; }
 
-  // `every`: all positions found; otherwise the first. `travel.start_m` <= `travel.end_m`. May be
-  // called by several threads.
+  // `every`: returns all positions found instead of the first. `travel.start_m` <= `travel.end_m`.
+  // Thread-safe.
   Reach Reachable(const Measurement& measurement, const ScanTravel& travel, bool every) const;
 
   // Poses of all links at a stage position, in part coordinates.
@@ -79,9 +80,9 @@ class RobotCell {
 
   // The solids around the arm while it moves to or from a scan, with the stage at rest.
   std::vector<NamedSolid> Around(const Measurement& measurement, double stage_m) const;
-  // First contact on the straight line between two positions, in steps in which no point of the arm
-  // moves more than 2 kClearanceM; nothing: it is free. A line of more than 5000 steps has as
-  // many.
+  // First contact on the straight line between two positions; nothing if it is free. Between
+  // two steps no point of the arm moves more than 2 kClearanceM. Lines are limited to 5000
+  // steps.
   std::optional<Contact> OnTheWay(const JointPositions& from, const JointPositions& to,
                                   std::span<const NamedSolid> around) const;
   // Time of the slowest joint at the mount's fraction of its speed, from rest to rest with constant
@@ -91,13 +92,14 @@ class RobotCell {
  private:
   RobotCell(CellTask task, RobotModel model);
 
-  // Pose of the cell's (parts: the world's) load in the frame of the base link.
+  // Pose of the load in the frame of the base link, from its pose in the cell (parts: in the
+  // world).
   Eigen::Isometry3d TipGoal(const ScanGeometry& geometry, double height_m, double stage_m) const;
   double HeightOverTable(const Eigen::Matrix3d& part_rotation) const;
   Reach HeadReach(const ScanGeometry& geometry, double height_m, const ScanTravel& travel,
                   bool every) const;
   Reach PartReach(const ScanGeometry& geometry, const ScanTravel& travel, bool every) const;
-  // Empty if the arm can follow the part's travel from a position; else why not.
+  // Empty if the arm can follow the part's travel from a position; otherwise the reason.
   std::string Follow(const ScanGeometry& geometry, const ScanTravel& travel,
                      std::span<const NamedSolid> around, const JointPositions& start,
                      JointPositions* end) const;
@@ -116,9 +118,9 @@ class RobotCell {
   std::vector<Eigen::Vector3f> lowest_;  // vertices of the part that may be its lowest ones
 };
 
-// Stage positions between which a scan can light any of so many targets, spread over all, that face
-// camera and laser and lie in their fields and range; occlusion is ignored. A spacing is added on
-// both sides. Nothing lit: 0 to 0.
+// Range of stage positions in which a scan can light targets: up to some thousand targets, spread
+// over all, that face camera and laser and lie in their fields and range. Occlusion is ignored. A
+// spacing is added on both sides. 0 to 0 if no target is lit.
 ScanTravel EstimateTravel(const Rig& rig, const TargetSet& targets, double spacing_m,
                           const Eigen::Vector3d& part_centre_m, const Measurement& measurement);
 

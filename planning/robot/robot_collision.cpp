@@ -109,7 +109,7 @@ bool Touch(const CollisionSolid& a, const Eigen::Isometry3d& pose_a, const Colli
 RobotCollision::RobotCollision(const RobotModel& model, const std::vector<LoadSolid>& load)
     : model_(model) {
   const size_t links = model.links.size();
-  // Links that a joint of the chain carries, with all that hangs on them.
+  // Links that a joint of the chain moves, with all links attached to them.
   std::vector<bool> moves(links, false);
   for (size_t i = 0; i < links; ++i) {
     const RobotLink& link = model.links[i];
@@ -124,8 +124,8 @@ RobotCollision::RobotCollision(const RobotModel& model, const std::vector<LoadSo
     pieces_.push_back({model.tip, true, true, solid.name, solid.solid, solid.enlarged, solid.pose});
   }
 
-  // Neighbours: joined directly, or through links without solids; links that are fixed to each
-  // other are one.
+  // Neighbours are links joined directly or through links without solids; links fixed to each other
+  // count as one.
   std::vector<int>& body = body_;
   body.resize(links);
   for (size_t i = 0; i < links; ++i) {
@@ -174,7 +174,7 @@ RobotCollision::RobotCollision(const RobotModel& model, const std::vector<LoadSo
     }
   }
 
-  // How far from a joint anything can be that it moves: along the chain, link by link.
+  // Largest distance from a joint of anything that it moves: along the chain, link by link.
   std::vector<double> reach_m(links, 0);
   for (const Piece& piece : pieces_) {
     const Eigen::AlignedBox3d box = Transformed(piece.enlarged.bounds(), piece.pose);
@@ -206,7 +206,7 @@ std::optional<Contact> RobotCollision::WithItself(std::span<const Eigen::Isometr
   for (size_t a = 0; a < pieces_.size(); ++a) {
     for (size_t b = a + 1; b < pieces_.size(); ++b) {
       const Piece &p = pieces_[a], &r = pieces_[b];
-      // The load may touch the link that it is fixed to, but no neighbour of that.
+      // The load may touch the link that it is fixed to, but not that link's neighbours.
       const bool looked_at =
           p.load != r.load ? body_[p.link] != body_[r.link] : !p.load && MayTouch(p, r);
       if (!looked_at) continue;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whether an arm touches itself or its surroundings (FCL).
+// Collision checks of an arm with itself and with its surroundings (FCL).
 #pragma once
 
 #include <Eigen/Geometry>
@@ -14,15 +14,15 @@
 
 namespace sightline {
 
-// Solids of the arm keep this distance from surroundings [m], save those given as meshes, which are
-// taken as they are. Motions are looked at in steps of at most twice as much, so that nothing is
-// passed in between.
+// Solids of the arm keep this distance [m] from surroundings. Solids given as meshes are not
+// enlarged. Motions are checked in steps of at most twice this distance, so that no step passes
+// through a solid.
 inline constexpr double kClearanceM = 0.005;
 
 // A solid for FCL, built once and used by any number of threads.
 class CollisionSolid {
  public:
-  // `enlarged_m`: on every side; not of meshes.
+  // `enlarged_m`: added on every side, except for meshes.
   static CollisionSolid FromShape(const Shape& shape, double enlarged_m);
   // In the frame of its sensor.
   static CollisionSolid FromBody(const Body& body, double enlarged_m);
@@ -30,7 +30,7 @@ class CollisionSolid {
   static CollisionSolid FromBox(const Eigen::Vector3d& size_m);
   struct Geometry;
   const Geometry& geometry() const { return *geometry_; }
-  // In its own frame, which the pose of a shape is part of.
+  // Bounds in the solid's own frame, which already contains the pose of a shape.
   const Eigen::AlignedBox3d& bounds() const { return bounds_; }
 
  private:
@@ -38,7 +38,7 @@ class CollisionSolid {
   Eigen::AlignedBox3d bounds_;
 };
 
-// Whether two solids touch, each at its pose in a common frame.
+// True if two solids touch, each at its pose in a common frame.
 bool Touch(const CollisionSolid& a, const Eigen::Isometry3d& pose_a, const CollisionSolid& b,
            const Eigen::Isometry3d& pose_b);
 
@@ -65,24 +65,24 @@ class RobotCollision {
   // `load`: solids fixed to the tip link. `model` must outlive it.
   RobotCollision(const RobotModel& model, const std::vector<LoadSolid>& load);
 
-  // Between links that are not neighbours, and between the load and links not fixed to the tip.
-  // Links joined by a joint are neighbours, also across links without solids. Pairs that touch in
-  // every one of 64 spread positions do so by construction and are allowed.
+  // Contact between links that are not neighbours, or between the load and links not fixed to the
+  // tip. Links joined by a joint are neighbours, also across links without solids. Pairs that touch
+  // in all of 64 spread positions are allowed: they touch by construction.
   std::optional<Contact> WithItself(std::span<const Eigen::Isometry3d> links) const;
 
-  // Contact of arm and load (`with_load`) with solids that are fixed in the frame of the base link.
-  // Links that do not move with the chain are left out: they were put there.
+  // Contact of arm and load (`with_load`) with solids fixed in the frame of the base link. Links
+  // that do not move with the chain are ignored, since their place was chosen on purpose.
   std::optional<Contact> WithSurroundings(std::span<const Eigen::Isometry3d> links,
                                           std::span<const NamedSolid> around, bool with_load) const;
 
-  // The same with all of `around` shifted by every step of a straight line from `from_m` to `to_m`,
-  // at most 2 kClearanceM long.
+  // The same while `around` is shifted along a straight line from `from_m` to `to_m`, in steps of
+  // at most 2 kClearanceM.
   std::optional<Contact> WithMovingSurroundings(std::span<const Eigen::Isometry3d> links,
                                                 std::span<const NamedSolid> around,
                                                 const Eigen::Vector3d& from_m,
                                                 const Eigen::Vector3d& to_m, bool with_load) const;
 
-  // A bound on how far any point of arm and load moves between two positions [m].
+  // Upper bound on the motion of any point of arm and load between two positions [m].
   double FarthestMotion(const JointPositions& from, const JointPositions& to) const;
 
  private:
@@ -98,8 +98,8 @@ class RobotCollision {
 
   const RobotModel& model_;
   std::vector<Piece> pieces_;
-  std::vector<int> body_;                   // of each link, the one that it is fixed to
-  std::vector<std::vector<bool>> allowed_;  // by link: may touch
+  std::vector<int> body_;                   // of each link: the moving body that it is fixed to
+  std::vector<std::vector<bool>> allowed_;  // by pair of links: they may touch
   // Largest distance of any point of arm and load from each joint's axis or origin [m].
   std::vector<double> lever_m_;
 };

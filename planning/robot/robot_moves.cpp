@@ -14,16 +14,16 @@
 namespace sightline {
 namespace {
 
-// So much longer counts a move that no way free of collisions was found for [s].
+// Extra time of a move without a collision-free path [s].
 constexpr double kBlockedS = 1000;
-// Trials of the local search for an order, each with the best positions.
+// Number of trials of the local search for an order; each takes the best joint positions.
 constexpr int kMostTrials = 3000;
-// Every round looks at one move at least that was not looked at before.
+// Upper limit of rounds; every round checks at least one new move for collisions.
 constexpr int kMostRounds = 200;
 
 constexpr int kHome = -1;
 
-// From a position of a scan (or home, position 0) to one of another scan.
+// {scan, position, scan, position}; home is a scan with the single position 0.
 using Edge = std::array<int, 4>;
 
 struct KnownMove {
@@ -37,7 +37,7 @@ class Sequence {
            const std::atomic<bool>* interrupted)
       : cell_(cell), scans_(scans), between_(between), interrupted_(interrupted) {
     for (const ScanToReach& scan : scans) {
-      // One position is enough where there is no time to choose among several.
+      // If interrupted, one position has to do: there is no time to choose among several.
       reach_.push_back(cell.Reachable(scan.measurement, scan.travel, !Stopped()));
     }
   }
@@ -45,7 +45,7 @@ class Sequence {
   const Reach& reach(int scan) const { return reach_[static_cast<size_t>(scan)]; }
   bool Stopped() const { return interrupted_ != nullptr && *interrupted_; }
 
-  // Times between scans if the best positions could be chosen for each pair alone.
+  // Order by the times between scans if the best positions could be chosen for each pair alone.
   std::vector<int> FirstOrder(const std::vector<int>& scans, int locked) const {
     const size_t n = scans.size();
     std::vector<std::vector<double>> times(n, std::vector<double>(n, 0));
@@ -63,7 +63,7 @@ class Sequence {
     return order;
   }
 
-  // Improves an order by moving and reversing stretches, the first `locked` staying.
+  // Improves an order by moving and reversing segments; the first `locked` scans stay.
   std::vector<int> Improved(std::vector<int> order, size_t locked) const {
     double least_s = Choose(order).time_s;
     int trials = 0;
@@ -99,7 +99,7 @@ class Sequence {
     std::vector<int> positions;  // of every scan in the order
   };
 
-  // Positions with the least time along an order, by the known moves (dynamic programming).
+  // Joint positions of least time along an order, given the known moves (dynamic programming).
   Choice Choose(const std::vector<int>& order) const {
     std::vector<std::vector<double>> least;
     std::vector<std::vector<int>> before;
@@ -134,7 +134,7 @@ class Sequence {
     return choice;
   }
 
-  // Looks at the moves of a choice until all are known; false if some changed.
+  // Checks the moves of a choice for collisions; false if any takes longer than assumed.
   bool LookAt(const std::vector<int>& order, const Choice& choice) {
     bool as_supposed = true;
     for (size_t k = 0; k < order.size() && !Stopped(); ++k) {
@@ -153,7 +153,7 @@ class Sequence {
                   : Edge{order[k - 1], choice.positions[k - 1], order[k], choice.positions[k]};
   }
 
-  // Time of the order once all its moves are known.
+  // Time of the order after all its moves have been checked.
   double SettledTime(const std::vector<int>& order) {
     for (int round = 0; round < kMostRounds; ++round) {
       if (LookAt(order, Choose(order)) || Stopped()) break;
@@ -164,7 +164,7 @@ class Sequence {
   KnownMove MoveAlong(const Edge& edge) const {
     const auto found = known_.find(edge);
     if (found != known_.end()) return found->second;
-    return {Time(edge), "whether the move touches anything was not looked at"};
+    return {Time(edge), "the move was not checked for collisions"};
   }
 
  private:
@@ -208,13 +208,14 @@ class Sequence {
       const JointPositions& home = cell_.model().home;
       if (!cell_.OnTheWay(From(edge), home, around) && !cell_.OnTheWay(home, To(edge), around)) {
         return {cell_.MoveTimeS(From(edge), home) + cell_.MoveTimeS(home, To(edge)),
-                absl::StrCat("the arm goes by its home position: on the straight way ", touches)};
+                absl::StrCat("the arm moves through its home position, since on the straight path ",
+                             touches)};
       }
     }
-    return {
-        direct_s + kBlockedS,
-        absl::StrCat("no move to this scan that touches nothing was found: on the straight way ",
-                     touches, edge[0] == kHome ? "" : ", and by home something is in the way")};
+    return {direct_s + kBlockedS,
+            absl::StrCat("no collision-free move to this scan was found: on the straight path ",
+                         touches,
+                         edge[0] == kHome ? "" : ", and the path through home is blocked as well")};
   }
 
   const RobotCell& cell_;

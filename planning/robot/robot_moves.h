@@ -26,17 +26,17 @@ struct RobotMove {
   std::string remark;      // unusual facts about the move; empty: none
 };
 
-// Other time between two scans that the order is to consider as well [s]: by hand, say.
+// Additional time between two scans [s], such as manual work, that the order also minimises.
 using TimeBetween = std::function<double(int from, int to)>;
 
-// Positions and order with the least time, by the slowest joint of every move plus `between`. Moves
-// are straight in joint space if that touches nothing, and else by home; a move for which neither
-// is free counts as a thousand seconds more in the order and has a remark. While the arm moves the
-// stage stands where the scan before ended or where the next one begins, and the part lies as in
-// either; moves are looked at with both. The first `locked` scans stay first in their order. Never
-// slower than the given order. Scans that are not reached take no time, and are last unless they
-// are locked. Interrupted: a good order, of moves that were not all looked at, which their remarks
-// say.
+// Chooses joint positions and order of scans for the least time: the slowest joint of every
+// move plus `between`. Moves are straight in joint space if these touch nothing, otherwise
+// by home. A move that is blocked both ways counts 1000 s extra in the order and has a
+// remark. The stage may stay at the end of the last scan or go to the start of the next
+// one, so moves are checked against both. The first `locked` scans stay first in their
+// order. The result is never slower than the given order. Unreachable scans take no time,
+// and come last unless they are locked. If interrupted, some moves are unchecked, as their
+// remarks state.
 std::vector<RobotMove> SequenceScans(const RobotCell& cell, std::span<const ScanToReach> scans,
                                      int locked, const TimeBetween& between,
                                      const std::atomic<bool>* interrupted);

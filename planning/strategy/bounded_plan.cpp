@@ -39,7 +39,7 @@ class BoundedSearch {
 
   bool Interrupted() const { return request_.interrupted != nullptr && *request_.interrupted; }
 
-  // Runs `step` between the calls of its hooks.
+  // Runs `step` between its two callbacks.
   template <typename Step>
   auto During(PlanStep name, const Step& step) {
     if (hooks_.on_begin) hooks_.on_begin(name);
@@ -51,7 +51,7 @@ class BoundedSearch {
     return result;
   }
 
-  // The request with what is left of its time after `used_s`; unset: nothing is left.
+  // The request with the time left after `used_s`; nothing if no time is left.
   std::optional<PlannerRequest> WithTimeLeft(double used_s) const {
     PlannerRequest request = request_;
     if (request.goal.max_time_s) {
@@ -71,7 +71,7 @@ class BoundedSearch {
 
   absl::Status SearchFewest() {
     PlannerRequest request = request_;
-    // The bound's scans are better than those of a longer search without them.
+    // A draft suffices, since the bound's scans improve it more than a longer search.
     request.draft = bound_evaluations_ > 0;
     SIGHTLINE_ASSIGN_OR_RETURN(
         found_.plan, During(PlanStep::kPlan, [&] { return MakePlan(gain_model_, request); }));
@@ -85,7 +85,7 @@ class BoundedSearch {
     return TakeIntoAccount(gain_model_, request_.domain, Scans(), *found_.bound);
   }
 
-  // Bounds the number of scans for the fraction that the draft satisfies, at most the goal.
+  // Bounds the number of scans for the fraction that the draft satisfies, limited by the goal.
   absl::Status FindBound() {
     const double satisfied =
         static_cast<double>(found_.plan.score.satisfied) /

@@ -6,8 +6,8 @@
 // 3. Planning again with the scans that the bound generated (generated_columns_plan.h).
 // 4. Fewer set-ups, where these cost time or the goal limits them (execution/least_time_plan.h).
 //
-// A limit on planning time holds for steps 1 and 3 together, and 4 gets what the first three leave
-// of it. Without a bound the strategy plans once and for all, and 4 follows.
+// A limit on planning time applies to steps 1 and 3 together; step 4 gets the remaining time.
+// Without a bound, the strategy plans only once, and step 4 follows.
 #pragma once
 
 #include <cstdint>
@@ -23,7 +23,7 @@ namespace sightline {
 
 enum class PlanStep { kPlan, kBound, kPlanAgain, kLeastTime };
 
-// Reports to the caller while it goes on; each may be left empty.
+// Callbacks during the search; each may be empty.
 struct BoundedPlanHooks {
   std::function<void(PlanStep)> on_begin;
   std::function<void(PlanStep, double seconds)> on_end;

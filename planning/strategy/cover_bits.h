@@ -8,10 +8,10 @@
 
 namespace sightline {
 
-// Number of targets in both sets. Equal sizes.
+// Number of targets in both sets, which have equal sizes.
 int64_t CountInBoth(const TargetBits& a, const TargetBits& b);
 
-// Number of targets in `a` and not in `b`. Equal sizes. As a.CountNotIn(b), faster.
+// Number of targets in `a` but not in `b` (equal sizes). Faster than a.CountNotIn(b).
 int64_t CountOnlyIn(const TargetBits& a, const TargetBits& b);
 
 }  // namespace sightline

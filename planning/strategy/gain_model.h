@@ -66,15 +66,15 @@ struct PlanScore {
 class GainModel {
  public:
   virtual ~GainModel() = default;
-  // Targets that plans are to satisfy.
+  // Targets to be satisfied by plans.
   virtual const TargetBits& measurable() const = 0;
-  // Validation targets that plans are scored on too; empty: none.
+  // Validation targets that plans are also scored on; empty if there are none.
   virtual const TargetBits& validation_measurable() const {
     static const TargetBits none;
     return none;
   }
-  // Fast estimates, one result per measurement, in order. `known`: accumulated information of all
-  // targets by earlier scans. Infeasible: zero gain.
+  // Fast estimates, one result per measurement, in order. `known`: accumulated information of
+  // earlier scans about all targets. Infeasible scans have zero gain.
   virtual absl::StatusOr<std::vector<ScanGain>> Gains(std::span<const Measurement> measurements,
                                                       std::span<const float> known) = 0;
   // weighted_gain: sum over targets of weight times min(1, fraction by this scan).
@@ -87,18 +87,18 @@ class GainModel {
   // Number of measurements evaluated so far by Gains, WeightedGains and FastCoverage.
   virtual int64_t evaluations() const = 0;
 
-  // Weights of the gain that later searches maximise. A gain model that asks another one forwards
-  // them. UNIMPLEMENTED: this model's gain has no weights.
+  // Sets the weights of the gain that later searches maximise. A gain model that wraps another one
+  // forwards them. UNIMPLEMENTED if this model's gain has no weights.
   virtual absl::Status SetWeights(const GainWeights& /*weights*/) {
     return absl::UnimplementedError("this gain has no weights");
   }
 
-  // The steps that gains are made of, as far as steps express them; for searches over pools.
+  // Steps of the gain, as far as it consists of steps; used by searches over pools.
   virtual std::vector<ShareStep> steps() const { return {{1.0, {1.0f}}}; }
-  // Whether scans together satisfy more targets than each by itself, so that only whole plans can
-  // be scored exactly. False: a plan satisfies what its scans cover.
+  // True if several scans together satisfy more targets than each by itself, so that only whole
+  // plans can be scored exactly. False if a plan satisfies exactly what its scans cover.
   virtual bool ScoresPlans() const { return false; }
-  // Exact. `thorough`: of all targets; otherwise estimated from a part of them. Only if
+  // Exact score. `thorough`: over all targets; otherwise estimated from a subset. Only if
   // ScoresPlans().
   virtual absl::StatusOr<PlanScore> ScorePlan(std::span<const Measurement> /*scans*/,
                                               bool /*thorough*/) {

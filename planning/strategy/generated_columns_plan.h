@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reduces the number of scans with the generated columns of the lower bound: the scans with the
-// largest weight in the linear relaxation. Among them are scans that complement one another, which
-// planning one scan at a time does not meet (price and branch: the integer problem over the columns
-// of the relaxation, here by annealing and polishing instead of branching).
+// Reduces the number of scans with the generated columns of the lower bound: the scans of largest
+// weight in the linear relaxation. Some of them complement one another in ways that planning one
+// scan at a time does not find. This is price and branch: it solves the integer problem over the
+// columns of the relaxation, here by annealing and polishing instead of branching.
 #pragma once
 
 #include "planning/strategy/planner.h"
@@ -10,10 +10,11 @@
 
 namespace sightline {
 
-// Plans again from `plan`, which `request` gave, with the bound's generated columns and all scans
-// of the first search as candidates, and another budget of the same size. Returns the plan with
-// fewer scans, or `plan` itself if none with fewer reaches the goal; its evaluations are the sum of
-// both. Nothing changes if a converged bound leaves no room, for strategies that use no candidates,
+// Plans again from `plan`, the result of `request`. Candidates are the bound's generated columns
+// and all scans of the first search; the budget is as large again. Returns the plan with fewer
+// scans, or `plan` if none with fewer reaches the goal; evaluations are the sum of both. Returns
+// `plan` unchanged if a converged bound excludes fewer scans, if the strategy uses no candidates,
+// or if `plan` misses the goal. Errors of the gain model.
 // and for plans that do not reach the goal. Errors of the gain model.
 absl::StatusOr<PlannerResult> PlanWithGeneratedColumns(GainModel& gain_model,
                                                        const PlannerRequest& request,

@@ -8,8 +8,8 @@
 namespace sightline {
 namespace {
 
-// Exact scores of whole plans take seconds: none is asked for while the estimate is below this part
-// of the goal.
+// Exact scores of whole plans take seconds. They are computed only if the estimate exceeds this
+// fraction of the goal.
 constexpr double kNearGoal = 0.97;
 
 }  // namespace

@@ -9,14 +9,14 @@
 
 namespace sightline {
 
-// Finds the scans of largest gain given `known` (accumulated information of all targets). The best
-// comes first; others replace it if exact evaluation rejects it. `scans` have been chosen so far.
+// Returns the scans of largest gain given `known` (accumulated information of all targets), best
+// first. The others are tried if exact evaluation rejects the best. `scans`: chosen so far.
 using NextBestScans = std::function<absl::StatusOr<std::vector<Measurement>>(
     const std::vector<float>& known, int64_t scans, uint64_t seed)>;
 
-// Adds the next best scan to locked and starting scans until the goal, the greatest number of
-// scans or the time is reached, or until two searches in a row find no scan that adds the least
-// gain. Whether the goal is reached is decided by exact scores.
+// Adds the next best scan to locked and starting scans until the goal, the largest number of scans
+// or the time limit is reached, or until two searches in a row find no scan with the least gain.
+// Exact scores decide if the goal is reached.
 absl::StatusOr<PlannerResult> PlanGreedily(PlanRun& run, const NextBestScans& next_best);
 
 struct GreedySearch {

@@ -9,7 +9,7 @@ namespace sightline {
 
 namespace {
 
-// Targets that the scan satisfies by itself: the matrix has no fractions.
+// Targets that the scan alone satisfies: the matrix has no fractions.
 TargetBits SettledAlone(const GainModel& gain_model, const ScanCoverage& scan) {
   if (!gain_model.ScoresPlans()) return scan.covered;
   TargetBits satisfied(gain_model.measurable().size());

@@ -15,7 +15,7 @@ void MeasurabilityMatrix::AddRow(const Measurement& measurement, const TargetBit
   for (size_t w = 0; w < covered.words().size() && !dense; ++w) {
     for (uint64_t word = covered.words()[w]; word != 0; word &= word - 1) {
       const size_t target = 64 * w + static_cast<size_t>(std::countr_zero(word));
-      // The first difference counts from -1, so that no difference is 0.
+      // The first difference is taken from -1, so that no difference is 0.
       size_t difference = target + 1 - previous;
       previous = target + 1;
       for (; difference >= 0x80; difference >>= 7) {

@@ -26,7 +26,7 @@ class MeasurabilityMatrix {
   size_t rows() const { return measurements_.size(); }
   const Measurement& measurement(size_t row) const { return measurements_[row]; }
   TargetBits Row(size_t row) const;
-  // Covered targets of the row that are not in `covered`.
+  // Number of covered targets of the row that are not in `covered`.
   int64_t NewTargets(size_t row, const TargetBits& covered) const;
   size_t MemoryBytes() const;
 
@@ -42,15 +42,15 @@ class MeasurabilityMatrix {
   std::vector<uint8_t> bytes_;
 };
 
-// Repeated choice of the row with the most new targets (the first of equal ones), with the lazy
-// evaluation of Minoux 1978: a row's gain only shrinks as targets get covered, so only rows whose
-// last known gain still leads are counted again.
+// Repeatedly chooses the row with the most new targets (the first if equal) by the lazy evaluation
+// of Minoux 1978. A row's gain only shrinks as targets get covered, so only rows whose last known
+// gain still leads are counted again.
 class LazyGreedy {
  public:
   explicit LazyGreedy(const MeasurabilityMatrix& matrix);
 
-  // The best row given what is covered, with its gain; removes it. Empty when no row gains
-  // anything. `covered` must never lose targets from call to call.
+  // Removes and returns the best row with its gain, given the covered targets. Empty when no row
+  // gains anything. `covered` must never lose targets from call to call.
   struct Choice {
     size_t row;
     int64_t new_targets;

@@ -179,7 +179,7 @@ absl::StatusOr<PlannerResult> PlanRun::Finish(std::span<const Measurement> movab
   for (const ChosenScan& scan : result.scans) chosen.push_back(scan.measurement);
   if (!chosen.empty()) {
     SIGHTLINE_RETURN_IF_ERROR(ScoreFinished(chosen, &result));
-    // For the report only, after the count.
+    // Only for the report, so it follows the count of evaluations.
     SIGHTLINE_ASSIGN_OR_RETURN(auto fast, gain_model_.FastCoverage(chosen));
     for (size_t i = 0; i < chosen.size(); ++i) {
       result.scans[i].fast_covered = fast[i].covered.Count();

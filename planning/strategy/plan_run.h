@@ -27,19 +27,19 @@ class PlanRun {
   const PlannerRequest& request() const { return request_; }
   const SearchSpace& space() const { return space_; }
   int64_t measurable() const { return measurable_; }
-  // Targets that must be satisfied: the smallest count that reaches the goal.
+  // Smallest number of satisfied targets that reaches the goal.
   int64_t goal_targets() const { return goal_targets_; }
-  // Least worth that a further scan must add: as that of so many new targets.
+  // Least worth that a further scan must add, in units of new targets.
   double min_gain() const { return min_gain_; }
-  // Shares of all targets before any scan.
+  // Accumulated information of all targets before any scan.
   std::vector<float> NothingKnown() const {
     return std::vector<float>(gain_model_.measurable().size(), 0);
   }
   double GainAfter(std::span<const float> known, const TargetShares& scan) const {
     return StepGain(steps_, gain_model_.measurable(), known, scan);
   }
-  // Gain of a scan given the accumulated information, as well as searches know it. Partial steps
-  // count too if the gain model counts them.
+  // Gain of a scan given the accumulated information, as the search estimates it. It contains
+  // partial steps if the gain model counts them.
   absl::StatusOr<double> Added(std::span<const float> known, const Measurement& scan,
                                const TargetShares& shares);
   // Worth of the accumulated information of all targets.
@@ -51,7 +51,7 @@ class PlanRun {
   }
   int64_t evaluations() const { return gain_model_.evaluations() - evaluations_before_; }
 
-  // Interrupted, or out of time.
+  // True if interrupted or out of time.
   bool Stopped() const;
   // kInterrupted or kMaxTime; only when Stopped().
   StopReason stopped_reason() const;
@@ -64,28 +64,28 @@ class PlanRun {
   void Report(const std::string& phase, int64_t scans, int64_t settled_targets,
               bool always = false);
 
-  // From now on this fraction of the work counts as done before the first scan is chosen.
+  // Counts this fraction of the work as done before the first scan is chosen.
   void SetPrepared(double fraction) { prepared_ = fraction; }
 
   // Exact coverage, remembered per measurement. Pointers stay valid as long as the run.
   absl::StatusOr<std::vector<const ScanCoverage*>> Exact(std::span<const Measurement> scans);
-  // Fractions of the required information that a single scan gives: exact for coverage, fast if
-  // only plans are scored.
+  // Fractions of the required information that a single scan gives: exact for coverage, fast
+  // estimates if only plans are scored.
   absl::StatusOr<TargetShares> SharesOf(const Measurement& scan);
-  // Exact score of scans that are all feasible exactly.
+  // Exact score; every scan must be feasible by exact evaluation.
   absl::StatusOr<PlanScore> Score(std::span<const Measurement> scans, bool thorough);
   bool ReachesGoal(const PlanScore& score) const { return score.Claimed() >= goal_targets_; }
 
-  // Fast gains of points of the unit cube in batches, -1 for infeasible ones; keeps the best in
-  // `top` if given. CANCELLED once Stopped(). `phase` and the counts are for progress.
+  // Fast gains of batches of points of the unit cube, -1 for infeasible ones; the best enter `top`
+  // if given. CANCELLED once Stopped(). `phase` and the counts are for progress.
   BatchObjective Gain(std::vector<float> known, TopPoints* top, std::string phase, int64_t scans);
 
-  // The finished plan: locked scans first in their order, then the others by greatest exact gain.
-  // `movable` are dropped where they are infeasible; locked ones were checked before.
+  // Returns the finished plan: locked scans first in their order, then the others by greatest exact
+  // gain. Infeasible `movable` scans are dropped; locked ones were checked before.
   absl::StatusOr<PlannerResult> Finish(std::span<const Measurement> movable, StopReason reason);
 
  private:
-  // Curves and score of a finished plan.
+  // Computes curves and score of a finished plan.
   absl::Status ScoreFinished(std::span<const Measurement> scans, PlannerResult* result);
 
   GainModel& gain_model_;

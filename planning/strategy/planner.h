@@ -46,27 +46,27 @@ struct PlannerRequest {
   PlanningGoal goal;
   std::string strategy = "refined";
   int64_t seed = 1;
-  // Gain evaluations per scan that greedy strategies may use; the refined strategy gets the same
-  // total as greedy would for as many scans.
+  // Gain evaluations per scan for greedy strategies. The refined strategy may use as many in total
+  // as greedy planning for the same number of scans.
   int64_t evaluations_per_scan = 10000;
   int64_t matrix_samples = 200000;    // measurability matrix only
   std::vector<Measurement> locked;    // kept in the plan, first
   std::vector<Measurement> starting;  // resumed or hand-edited scans: in the plan, may be moved
-  // Instead of reaching the goal's fraction with few scans: satisfy most with so many, whatever
-  // else the goal says of fraction, number and least gain of scans. Unset, or >= 1 and no less than
-  // there are locked and starting scans.
+  // If set: satisfy as many targets as possible with this number of scans, regardless of the goal's
+  // fraction, number of scans and least gain. At least 1 and at least the number of locked and
+  // starting scans.
   std::optional<int> scan_count;
   // Scans known to be good, which the refined strategy may use without searching them.
   std::vector<Measurement> candidates;
   // The refined strategy stops at a plan that reaches the goal and that exchanges of scans alone
-  // make no smaller: another search with better candidates follows.
+  // cannot shorten. For use before another search with better candidates.
   bool draft = false;
-  // Cost of executing a plan; for the plan of least time (execution/least_time_plan.h).
+  // Cost of executing a plan, for the plan of least time (execution/least_time_plan.h).
   ExecutionModel execution;
   // Estimate of the time of one scan [s]; empty: 0.
   std::function<double(const Measurement&)> scan_time_s;
-  // Score the plan after each scan too (PlannerResult's curves); costs seconds where only plans can
-  // be scored.
+  // Also score the plan after each scan (PlannerResult's curves). This costs seconds if only whole
+  // plans can be scored.
   bool with_curves = true;
   std::function<void(const PlanProgress&)> on_progress;
   const std::atomic<bool>* interrupted = nullptr;  // set by Ctrl-C
@@ -76,12 +76,12 @@ struct PlannerResult {
   std::vector<ChosenScan> scans;
   StopReason stop_reason = StopReason::kStalled;
   int64_t evaluations = 0;
-  // Only if asked for. Exact: satisfied and nearly satisfied targets after each scan, fractions of
-  // those to be satisfied. For coverage both are the coverage.
+  // Only with_curves. Exact: satisfied and nearly satisfied targets after each scan, as fractions
+  // of those to be satisfied. For coverage both are the coverage.
   std::vector<double> coverage_curve;
   std::vector<double> relaxed_curve;
   PlanScore score;  // of the whole plan
-  // Good scans that the refined strategy found, used or not; for PlannerRequest::candidates.
+  // Good scans that the refined strategy found, used or not; input of PlannerRequest::candidates.
   std::vector<Measurement> candidates;
 };
 
@@ -95,16 +95,17 @@ inline constexpr char kMatrixStrategy[] = "matrix";
 struct StrategyDescription {
   std::string name;
   std::string description;
-  // Its plan for a lower goal is the beginning of that for a higher one.
+  // True if its plan for a lower goal is the beginning of the plan for a higher one.
   bool scan_by_scan;
 };
 const std::vector<StrategyDescription>& Strategies();
 
-// INVALID_ARGUMENT for an unknown name; says which known one is nearest.
+// INVALID_ARGUMENT for an unknown name; the message suggests the nearest known one.
 absl::Status CheckStrategy(const std::string& name);
 
-// INVALID_ARGUMENT for an unknown strategy (names the nearest) or a locked scan outside its hard
-// limits; errors of the gain model are passed on. On interruption returns the plan so far.
+// INVALID_ARGUMENT for an unknown strategy (the message suggests the nearest) or a locked scan
+// outside its hard limits. Errors of the gain model are passed on. If interrupted, returns the plan
+// so far.
 absl::StatusOr<PlannerResult> MakePlan(GainModel& gain_model, const PlannerRequest& request);
 
 }  // namespace sightline

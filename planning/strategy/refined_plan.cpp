@@ -17,7 +17,7 @@ namespace sightline {
 namespace {
 
 // Fractions of request().evaluations_per_scan, and sizes. The few variants tried on the example
-// part did no better: a greedy fraction of 0.25 or 0.9, more polishing.
+// part (greedy fraction 0.25 or 0.9, more polishing) were not better.
 constexpr double kGreedyShare = 0.5;
 constexpr double kRelocateShare = 0.15;
 constexpr double kPolishShare = 0.05;
@@ -26,10 +26,10 @@ constexpr int64_t kKeptPerSearch = 48;
 constexpr int64_t kKeptPerPolish = 4;
 constexpr double kKeptSeparation = 0.03;
 constexpr size_t kMaxPool = 4000;
-// A fraction of 0.95 of so many targets has a standard error of 0.002.
+// With this sample size, a fraction of 0.95 has a standard error of 0.002.
 constexpr size_t kSamplePairs = 16384;
 constexpr int64_t kExchanges = 100'000;
-// Rounds of exchanging, polishing and searching anew from which the pace is taken.
+// Number of rounds (exchange, polish, search again) over which progress is averaged.
 constexpr size_t kPaceRounds = 2;
 
 struct Scan {
@@ -53,8 +53,8 @@ class RefinedPlanner {
     const absl::Status status = Search();
     if (!status.ok() && !run_.IsStop(status)) return status;
     if (!status.ok()) reason_ = run_.stopped_reason();
-    // The smallest plan first; where goals were estimated from a part of the targets, one may miss
-    // by a little.
+    // Tries the smallest plan first. If goals were estimated from a subset of the targets, a plan
+    // may narrowly miss the goal.
     while (true) {
       const std::vector<Measurement> movable = reached_.empty() ? Movable() : reached_.back();
       auto result = run_.Finish(movable, reason_);
@@ -64,7 +64,7 @@ class RefinedPlanner {
         reached_.pop_back();
         continue;
       }
-      // A search that was cut short says so, even if its plan happens to reach the goal.
+      // An interrupted search reports that as its stop reason, even if its plan reaches the goal.
       if (status.ok() && reaches) result->stop_reason = StopReason::kGoalReached;
       for (const Scan& scan : scans_) {
         if (!scan.shares.targets.empty()) result->candidates.push_back(scan.measurement);
@@ -85,8 +85,8 @@ class RefinedPlanner {
       if (Covered() >= aim_) {
         rounds_without_progress = 0;
         rounds_.clear();
-        // Exact scores take longer than exchanges: only the smallest of plans that exchanges alone
-        // lead to is scored.
+        // Exact scores take longer than exchanges, so only the smallest plan that exchanges alone
+        // reach is scored.
         const bool least = plan_.size() <= std::max<size_t>(1, fixed_);
         if (!least && FewerReach()) continue;
         SIGHTLINE_RETURN_IF_ERROR(Verify());
@@ -97,7 +97,7 @@ class RefinedPlanner {
         continue;
       }
       if (OutOfBudget()) {
-        // A plan that never reached the goal takes another scan, within its larger budget.
+        // A plan that never reached the goal gets another scan, which also enlarges its budget.
         if (have_best_ || stalled_ || !RoomForMore()) break;
         SIGHTLINE_RETURN_IF_ERROR(AddNextBest());
         rounds_.clear();
@@ -115,7 +115,7 @@ class RefinedPlanner {
         SIGHTLINE_RETURN_IF_ERROR(RelocateWeakest(rounds_without_progress));
       }
       rounds_.push_back({run_.evaluations(), Covered()});
-      // Nothing may move: no free scan or no free parameter.
+      // Nothing can move: there is no free scan or no free parameter.
       if (Covered() < aim_ && run_.evaluations() == evaluations_before) break;
     }
     return absl::OkStatus();
@@ -134,7 +134,7 @@ class RefinedPlanner {
     return static_cast<int>(plan_.size()) < run_.request().goal.max_scans;
   }
 
-  // Gain evaluations left of the budget of greedy planning for as many scans.
+  // Remaining gain evaluations of the budget of greedy planning for this number of scans.
   int64_t Left() const {
     const size_t scans = have_best_ ? best_.size() : std::max<size_t>(1, plan_.size());
     return run_.request().evaluations_per_scan * static_cast<int64_t>(scans) - run_.evaluations();
@@ -151,8 +151,8 @@ class RefinedPlanner {
 
   bool OutOfBudget() const { return Left() < PolishBatches() * kClimbBatch + kKeptPerPolish + 1; }
 
-  // Whether a plan with a scan less, at the pace of the last rounds, would miss the goal when the
-  // evaluations are used up. Rounds bring ever less, so it would miss it by more. Never where
+  // True if, at the progress of the last rounds, a plan with one scan less would miss the goal when
+  // the evaluations are used up. Progress slows down, so this is optimistic. Never true if
   // fractions add up: they grow long before they satisfy targets.
   bool OutOfReach() const {
     if (!have_best_ || run_.gain_model().ScoresPlans() || rounds_.size() <= kPaceRounds)
@@ -177,8 +177,8 @@ class RefinedPlanner {
     return have_best_ ? absl::StrCat(what, ", trying ", plan_.size(), " scans") : what;
   }
 
-  // Evaluates scans by the fast estimate; feasible ones go into the pool. Returns the index of each
-  // or none.
+  // Evaluates scans by the fast estimate; feasible ones enter the pool. Returns the index of each,
+  // or nothing.
   absl::StatusOr<std::vector<std::optional<size_t>>> AddToPool(std::vector<Scan> scans,
                                                                bool even_if_infeasible = false) {
     std::vector<std::optional<size_t>> indices;
@@ -227,11 +227,11 @@ class RefinedPlanner {
     return AddToPool(std::move(candidates)).status();
   }
 
-  // A global search for scans of largest gain; the best different ones go into the pool. Returns
-  // the best one's index, none if nothing new was found.
+  // Searches globally for scans of largest gain; the best different ones enter the pool. Returns
+  // the index of the best, or nothing if no new scan was found.
   absl::StatusOr<std::optional<size_t>> SearchScan(const std::vector<float>& known,
                                                    int64_t evaluations, const std::string& phase) {
-    // A tenth of the evaluations at most goes into coverage.
+    // At most a tenth of the evaluations goes into coverage.
     const int64_t kept = std::clamp<int64_t>(evaluations / 10, 1, kKeptPerSearch);
     TopPoints top(static_cast<size_t>(kept), kKeptSeparation);
     MaximiseOptions options;
@@ -278,7 +278,7 @@ class RefinedPlanner {
     return absl::OkStatus();
   }
 
-  // Exact score of the plan; scans that are infeasible exactly leave plan and pool.
+  // Exact score of the plan; scans that are infeasible by exact evaluation leave plan and pool.
   absl::StatusOr<PlanScore> ExactScore(bool thorough) {
     std::vector<Measurement> measurements;
     for (size_t scan : plan_) measurements.push_back(scans_[scan].measurement);
@@ -298,7 +298,7 @@ class RefinedPlanner {
     return run_.Score(kept, thorough);
   }
 
-  // Shifts the fast number of targets to aim at by the difference between fast and exact.
+  // Shifts the aim (targets by fast estimate) by the difference between fast and exact.
   void Aim(const PlanScore& score) {
     exact_covered_ = score.Claimed();
     aim_ = std::max<int64_t>(1, run_.goal_targets() + Covered() - score.Claimed());
@@ -310,7 +310,7 @@ class RefinedPlanner {
     return absl::OkStatus();
   }
 
-  // The plan reaches the aim by the estimate. Does it exactly?
+  // The plan reaches the aim by the fast estimate; checks it exactly.
   absl::Status Verify() {
     const size_t size = plan_.size();
     SIGHTLINE_ASSIGN_OR_RETURN(auto score, ExactScore(false));
@@ -326,8 +326,8 @@ class RefinedPlanner {
     return absl::OkStatus();
   }
 
-  // Leaves out the scan that adds least and makes its loss good from the pool. If the rest reaches
-  // the aim it becomes the plan, else it waits for the present one to be scored.
+  // Removes the scan that adds least and compensates its loss from the pool. If the rest reaches
+  // the aim it becomes the plan; otherwise it waits until the current plan is scored.
   bool FewerReach() {
     waiting_ = plan_;
     plan_.erase(plan_.begin() + static_cast<std::ptrdiff_t>(WeakestFirst().front()));
@@ -342,11 +342,11 @@ class RefinedPlanner {
     run_.Report(Phase("exchanging scans"), static_cast<int64_t>(plan_.size()), exact_covered_);
     const PoolPlan better = pool_.Anneal(plan_, fixed_, pool_.MostWorth(), kExchanges, random_,
                                          [this] { return run_.Stopped(); });
-    // The pool looks at a part of the targets.
+    // The pool uses only a sample of the targets, so compare over all targets.
     if (run_.Worth(KnownFrom(better)) >= run_.Worth(KnownFrom(plan_))) plan_ = better;
   }
 
-  // Forgets the scans that promise the present plan least.
+  // Removes the scans that promise least for the current plan.
   void LimitPool() {
     if (pool_.size() <= kMaxPool) return;
     std::vector<double> promise = pool_.Promise(plan_);
@@ -378,7 +378,7 @@ class RefinedPlanner {
     return KnownFrom(others);
   }
 
-  // Places of scans that may move, the one that adds least to the others first.
+  // Positions of movable scans, the one that adds least to the others first.
   std::vector<size_t> WeakestFirst() const {
     std::vector<size_t> places;
     std::vector<double> added(plan_.size(), 0);
@@ -400,7 +400,7 @@ class RefinedPlanner {
     return absl::OkStatus();
   }
 
-  // Evolution strategy around the scan.
+  // Local search (evolution strategy) around the scan.
   absl::Status Polish(size_t place) {
     const std::vector<float> others = KnownFromOthers(place);
     const int dimension = run_.space().dimension();
@@ -433,7 +433,7 @@ class RefinedPlanner {
     return absl::OkStatus();
   }
 
-  // Searches the weakest scan (after failures: the next weakest) again.
+  // Replaces the weakest scan (after failures: the next weakest) by a new search.
   absl::Status RelocateWeakest(int failures) {
     const std::vector<size_t> places = WeakestFirst();
     if (places.empty() || OutOfBudget()) return absl::OkStatus();
@@ -454,15 +454,15 @@ class RefinedPlanner {
   Random random_;
   int64_t aim_;  // targets to satisfy by the fast estimate
   ScanPool pool_;
-  std::vector<Scan> scans_;  // those of the pool
+  std::vector<Scan> scans_;  // scans of the pool
   PoolPlan plan_;
-  // After every round with as many scans as now.
+  // State after each round with the present number of scans.
   struct Round {
     int64_t evaluations, covered;
   };
   std::vector<Round> rounds_;
   PoolPlan waiting_;                               // see FewerReach
-  PoolPlan best_;                                  // the last whose score reached the goal
+  PoolPlan best_;                                  // the last plan whose score reached the goal
   std::vector<std::vector<Measurement>> reached_;  // all such plans, without their locked scans
   bool have_best_ = false;
   bool stalled_ = false;

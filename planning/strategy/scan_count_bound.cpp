@@ -29,17 +29,17 @@ constexpr double kColumnSeparation = 0.02;
 constexpr int64_t kRoundEvaluations = 3000;
 constexpr int kFullRoundRestarts = 5;
 constexpr double kMixing = 0.5;
-// A scan that covers at most 1 + this weight changes the bound by less than the same fraction.
+// A scan of weight up to 1 + this tolerance changes the bound by less than the same fraction.
 constexpr double kTolerance = 0.005;
 
-// Targets by number; a target set as the list of its groups with counts is a row of the programme.
+// Groups of targets; a scan's targets as group numbers with counts form a row of the programme.
 struct Groups {
   std::vector<int> of_target;  // -1: not measurable
   std::vector<double> sizes;
 };
 
-// At most kMaxGroups groups of measurable targets that the same or nearly the same columns satisfy,
-// at least by half: centres by farthest-first traversal in Hamming distance (Gonzalez 1985).
+// At most kMaxGroups groups of measurable targets that nearly the same columns satisfy, by at least
+// half. Centres come from a farthest-first traversal in Hamming distance (Gonzalez 1985).
 Groups GroupTargets(const TargetBits& measurable, const std::vector<TargetBits>& columns) {
   const size_t words = (columns.size() + 63) / 64;
   std::vector<size_t> targets;
@@ -92,7 +92,7 @@ class WeightProgramme {
     clp_.resize(0, 2 * n + 1);
     clp_.setOptimizationDirection(-1);
     for (int g = 0; g < n; ++g) {
-      // A target that some scan covers weighs at most 1.
+      // A target that some scan covers has a weight of at most 1.
       clp_.setColumnBounds(g, 0, 1);
       clp_.setColumnBounds(n + g, 0, 1);
       clp_.setObjectiveCoefficient(n + g, -groups.sizes[g]);
@@ -168,7 +168,7 @@ double SumOfSmallest(const TargetBits& measurable, const std::vector<double>& we
   return std::accumulate(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(count), 0.0);
 }
 
-// Shares of a feasible scan that count: more than a target needs does not.
+// Shares of a feasible scan, limited to what a target requires.
 TargetShares CountingShares(const GainModel& gain_model, ScanCoverage scan) {
   TargetShares shares =
       gain_model.ScoresPlans() ? std::move(scan.shares) : FullShares(scan.covered);
@@ -176,7 +176,7 @@ TargetShares CountingShares(const GainModel& gain_model, ScanCoverage scan) {
   return shares;
 }
 
-// The whole number and the words that follow from the rest of the result.
+// Sets the whole number and the statement from the other results.
 void State(ScanCountBoundResult& result) {
   result.scans = static_cast<int>(std::ceil(result.bound - 1e-6));
   if (result.converged) {
@@ -236,8 +236,8 @@ class BoundSearch {
     double mixing = kMixing;
     while (Left() > 3 * full_round) {
       SIGHTLINE_RETURN_IF_ERROR(SolveProgramme());
-      // Weights between the programme's and the best known ones jump less from round to round
-      // (Wentges 1997).
+      // Smoothing between the programme's weights and the best known ones reduces their jumps from
+      // round to round (Wentges 1997).
       std::vector<double> weights = programme_weights_;
       for (size_t t = 0; t < best_weights_.size(); ++t) {
         weights[t] = mixing * best_weights_[t] + (1 - mixing) * weights[t];
@@ -251,7 +251,7 @@ class BoundSearch {
         mixing = kMixing;
       }
     }
-    // The bound's own weights, searched with the full budget of a round. Groups by all columns.
+    // Check the bound's own weights with the full budget of a round. Regroup by all columns.
     programme_.reset();
     while (Left() > 0) {
       SIGHTLINE_RETURN_IF_ERROR(SolveProgramme());
@@ -267,7 +267,7 @@ class BoundSearch {
     return absl::OkStatus();
   }
 
-  // Weights of all targets from the programme over the columns so far.
+  // Solves the programme over the present columns for the weights of all targets.
   absl::Status SolveProgramme() {
     if (!programme_ || columns_.size() >= 2 * grouped_columns_) {
       std::vector<TargetBits> mostly;
@@ -292,8 +292,8 @@ class BoundSearch {
     return most;
   }
 
-  // Keeps the weights if, scaled so that no known scan covers more than 1, they give a greater
-  // bound than the best ones, which are held to the same standard.
+  // Scales the weights so that no known scan covers more than 1, and keeps them if their bound
+  // exceeds that of the best weights, scaled alike.
   void Consider(std::vector<double> weights) {
     const auto scale = [&](std::vector<double>& w) {
       const double most = MostWeight(w);
@@ -327,8 +327,8 @@ class BoundSearch {
     return absl::OkStatus();
   }
 
-  // Searches with `evaluations` evaluations the scan that covers most weight and returns that
-  // weight; the best different scans become columns, and the weights a candidate for the bound.
+  // Searches with `evaluations` evaluations for the scan that covers most weight and returns that
+  // weight. The best different scans become columns; the weights are considered for the bound.
   absl::StatusOr<double> Price(const std::vector<double>& weights, int64_t evaluations,
                                int restarts) {
     SIGHTLINE_ASSIGN_OR_RETURN(auto priced, PriceOnly(weights, evaluations, restarts));
@@ -369,7 +369,7 @@ class BoundSearch {
     return std::max(0.0, best.value);
   }
 
-  // First columns: searches with weights that halve where the columns so far cover.
+  // First columns: repeated searches in which covered targets have half their weight.
   absl::Status SpreadColumns() {
     std::vector<double> weights(measurable_.size(), 0);
     for (size_t t = 0; t < weights.size(); ++t) weights[t] = measurable_.Test(t) ? 1 : 0;
@@ -398,10 +398,10 @@ class BoundSearch {
   std::vector<TargetShares> columns_;
   Groups groups_;
   std::optional<WeightProgramme> programme_;
-  size_t grouped_columns_ = 0;  // when the groups were made
-  size_t rows_ = 0;             // columns in the programme
+  size_t grouped_columns_ = 0;  // number of columns when the groups were made
+  size_t rows_ = 0;             // number of columns in the programme
   std::vector<double> programme_weights_;
-  std::vector<double> best_weights_;  // no known scan covers more than 1 of them
+  std::vector<double> best_weights_;  // scaled: no known scan covers more than 1
   ScanCountBoundResult result_;
 };
 

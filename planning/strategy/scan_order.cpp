@@ -63,8 +63,8 @@ double PathTime(const Times& times, const std::vector<int>& order, int start) {
   return sum;
 }
 
-// Applies the best 2-opt (reversed stretch) or or-opt (stretch of up to three moved elsewhere)
-// move until none helps.
+// Applies the best 2-opt move (reverse a segment) or or-opt move (move a segment of up to three)
+// until none helps.
 void ImproveOrder(const Times& times, std::vector<int>& order, int start) {
   const size_t n = order.size();
   while (true) {
@@ -182,7 +182,7 @@ std::vector<std::vector<int>> SetupGroups(const ExecutionModel& model,
   return groups;
 }
 
-// Least time from any scan of one group to any of the other.
+// Shortest move time from any scan of one group to any of the other.
 double BetweenGroups(const Times& times, const std::vector<int>& from, const std::vector<int>& to) {
   double least_s = kInfinity;
   for (const int i : from) {
@@ -191,7 +191,7 @@ double BetweenGroups(const Times& times, const std::vector<int>& from, const std
   return least_s;
 }
 
-// Set-ups in their best order, then the scans of each in theirs.
+// Orders the set-ups, then the scans within each.
 std::vector<int> OrderBySetups(const ExecutionModel& model, std::span<const Measurement> scans,
                                int locked) {
   const Times times = TimesBetweenAll(model, scans);
@@ -234,13 +234,13 @@ std::vector<int> OrderScans(const ExecutionModel& model, std::span<const Measure
   if (costs.PricesSetups()) {
     std::vector<int> by_setups = OrderBySetups(model, scans, locked);
     if (static_cast<int>(scans.size()) - locked > kMaxExact) return by_setups;
-    // Two set-ups may share a turn of the part, which their order alone does not see.
+    // Two set-ups may share a turn of the part, which the order of set-ups ignores.
     std::vector<int> exact = OrderByMoveTimes(TimesBetweenAll(model, scans), {}, locked);
     const double less_s =
         TotalRepositionTimeS(model, scans, by_setups) - TotalRepositionTimeS(model, scans, exact);
     return less_s > 1e-9 ? exact : by_setups;
   }
-  // A fixed time per move is the same in every order.
+  // A fixed time per move is the same in every order, so only other times matter.
   const bool order_matters =
       costs.reposition_speed_rad_per_s || costs.reposition_speed_m_per_s || costs.turn_time_s > 0;
   if (!order_matters) return order;

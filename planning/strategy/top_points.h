@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The best few clearly different points a search has seen.
+// The best few clearly different points of a search.
 #pragma once
 
 #include <cstddef>
@@ -14,13 +14,13 @@ class TopPoints {
     double value;
   };
 
-  // Keeps at most `capacity` points, no two closer than `separation` in every coordinate: of such
-  // a pair the better one stays (the earlier one if equal).
+  // Keeps at most `capacity` points, no two closer than `separation` in every coordinate; of two
+  // such points it keeps the better one (the earlier one if equal).
   TopPoints(size_t capacity, double separation) : capacity_(capacity), separation_(separation) {}
 
   void Add(const std::vector<double>& x, double value);
 
-  // Best first; equal values in the order in which they came.
+  // Entries, best first; equal values in the order of insertion.
   const std::vector<Entry>& entries() const { return entries_; }
 
  private:

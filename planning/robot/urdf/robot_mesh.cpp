@@ -17,8 +17,8 @@ struct MeshUnit {
 constexpr MeshUnit kMeshUnits[] = {
     {"m", 1}, {"inch", 0.0254}, {"cm", 1e-2}, {"mm", 1e-3}, {"um", 1e-6}};
 
-// LoadPart checks a part's size, which it knows in metres only: the unit nearest to the scale
-// makes it see about the true size.
+// The unit nearest to the scale: LoadPart checks a part's size in metres, and this unit gives it
+// nearly the true size.
 const MeshUnit& NearestUnit(double scale) {
   const MeshUnit* nearest = kMeshUnits;
   const auto distance = [&](const MeshUnit& unit) {
@@ -48,7 +48,7 @@ absl::StatusOr<TriangleMesh> LoadRobotMesh(const std::string& path, const Eigen:
   const Eigen::Vector3d factor = scale / unit.metres;
   if (factor != Eigen::Vector3d::Ones()) {
     for (Eigen::Vector3f& p : mesh->positions_m) {
-      // Adding zero turns -0 into 0: the same bytes for the digest.
+      // Adding zero turns -0 into 0, so that equal meshes have equal bytes for the digest.
       p = factor.cwiseProduct(p.cast<double>()).cast<float>() + Eigen::Vector3f::Zero();
     }
   }

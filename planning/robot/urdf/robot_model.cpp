@@ -34,13 +34,13 @@ constexpr size_t kMostJoints = 16;
 constexpr size_t kMostShapes = 2000;
 constexpr size_t kMostTriangles = 500000;
 constexpr uintmax_t kMostMeshBytes = 256 << 20;  // of all files that meshes are read from
-// Largest length in a URDF; larger ones are in other units than metres.
+// Largest length in a URDF; larger ones indicate a unit other than metres.
 constexpr double kMostMetres = 100;
-// Largest limit of a revolute joint, either way. Published robots have up to 10 rad; in degrees
-// even narrow joints have more than that.
+// Largest limit of a revolute joint in either direction. Published robots have up to 10 rad; a
+// limit in degrees is larger even for joints with a narrow range.
 constexpr double kMostTurnRad = 4 * std::numbers::pi;
-// Velocity of a rotary joint above which it is remarked [rad/s]. The fastest axes of small
-// industrial arms do some 20 rad/s.
+// Velocity of a rotary joint above which a remark is made [rad/s]. The fastest axes of small
+// industrial arms reach some 20 rad/s.
 constexpr double kFastRadPerS = 8 * std::numbers::pi;
 
 class Reader {
@@ -121,8 +121,8 @@ class Reader {
     if (waiting.size() != urdf_->links_.size()) {
       for (const auto& [name, link] : urdf_->links_) {
         if (!index_.contains(name)) {
-          return Bad(absl::StrCat("link ", name, " is in a loop: it does not hang on the root ",
-                                  root->name));
+          return Bad(absl::StrCat(
+              "link ", name, " is in a loop: it is not a descendant of the root ", root->name));
         }
       }
     }
@@ -150,7 +150,7 @@ class Reader {
     for (; link >= 0 && link != model_.base; link = model_.links[link].parent)
       chain.push_back(link);
     if (link != model_.base) {
-      return Bad(absl::StrCat("link ", mount_.tip_link, " does not hang on link ",
+      return Bad(absl::StrCat("link ", mount_.tip_link, " is not a descendant of link ",
                               model_.links[model_.base].name));
     }
     std::reverse(chain.begin(), chain.end());
@@ -181,9 +181,9 @@ class Reader {
     return Eigen::Vector3d(axis.normalized());
   }
 
-  // Positions that a revolute, continuous or prismatic joint with <limit> may have: within the
-  // limits and, where they are stated, the soft limits of <safety_controller>. The specification
-  // gives both of these 0 if they are left out.
+  // Range of a revolute, continuous or prismatic joint with <limit>: within the limits and, if
+  // stated, the soft limits of <safety_controller>. By the specification, omitted values of both
+  // are 0.
   absl::StatusOr<std::pair<double, double>> RangeOf(const urdf::Joint& joint) const {
     const std::string where = absl::StrCat("joint ", joint.name);
     const auto text = [](double lower, double upper) {
@@ -242,7 +242,7 @@ class Reader {
       default:
         return Bad(where + ": is neither fixed, revolute, continuous nor prismatic");
     }
-    if (joint.mimic) return Bad(where + ": mimics another joint, which a chain must not");
+    if (joint.mimic) return Bad(where + ": mimics another joint, unsupported in a chain");
     SIGHTLINE_ASSIGN_OR_RETURN(auto axis, AxisOf(joint));
     if (!joint.limits) return Bad(where + ": has no <limit>, whose velocity is needed");
     added.max_speed = joint.limits->velocity;
@@ -265,8 +265,8 @@ class Reader {
     return absl::OkStatus();
   }
 
-  // Limits of the file that have no effect by the specification, though the author may have meant
-  // them.
+  // Remarks on limits in the file that have no effect by the specification, though the author may
+  // have meant them.
   void RemarkOnUnusedLimits(const urdf::Joint& joint) {
     const double lower = joint.limits->lower, upper = joint.limits->upper;
     if (joint.type == urdf::Joint::CONTINUOUS && joints_with_limits_.contains(joint.name)) {
@@ -274,7 +274,7 @@ class Reader {
           "joint ", joint.name, ": its limits ", NumberText(lower), " to ", NumberText(upper),
           " rad have no effect, since it turns without end (continuous)",
           lower < upper ? "; with type=\"revolute\" they bound it"
-                        : "; a joint that stands still has type=\"fixed\""));
+                        : "; for a fixed joint use type=\"fixed\""));
     }
     if (joint.safety && joint.safety->soft_lower_limit == 0 &&
         joint.safety->soft_upper_limit == 0 && joints_with_soft_limits_.contains(joint.name)) {
@@ -285,7 +285,7 @@ class Reader {
     }
   }
 
-  // A joint beside the chain stands still, also one that would move with a joint of the chain.
+  // A joint outside the chain stays fixed, even if it would move with a joint of the chain.
   void RemarkOnMimic(size_t i) {
     const urdf::JointSharedPtr& joint = source_[i]->parent_joint;
     if (!joint || !joint->mimic) return;
@@ -293,17 +293,17 @@ class Reader {
     if (std::ranges::find(model_.joints, mimicked, &RobotJoint::name) == model_.joints.end())
       return;
     model_.remarks.push_back(absl::StrCat("joint ", joint->name, " mimics joint ", mimicked,
-                                          " of the chain; it is taken to stand still"));
+                                          " of the chain; it is treated as fixed"));
   }
 
-  // Moves a link beside the chain to where its joint rests: at 0, or at the limit next to it.
+  // Moves a link outside the chain to its joint's rest position: 0, or the limit nearest to it.
   absl::Status RestLink(size_t i) {
     const urdf::JointSharedPtr& joint = source_[i]->parent_joint;
     if (!joint) return absl::OkStatus();
     const bool rotary = joint->type == urdf::Joint::REVOLUTE;
     if (!rotary && joint->type != urdf::Joint::PRISMATIC) return absl::OkStatus();
     if (!joint->limits || joint->limits->lower == joint->limits->upper) return absl::OkStatus();
-    // A joint that may be at 0 rests there, whatever the unit of its limits.
+    // A joint whose range contains 0 rests there, regardless of the unit of its limits.
     const bool soft_at_0 = !joint->safety || (joint->safety->soft_lower_limit <= 0 &&
                                               joint->safety->soft_upper_limit >= 0);
     if (joint->limits->lower <= 0 && joint->limits->upper >= 0 && soft_at_0) {
@@ -320,8 +320,8 @@ class Reader {
     return absl::OkStatus();
   }
 
-  // Collisions are found between solids of <collision> alone. A link that is drawn but has none,
-  // and an arm without any, are passed through by everything.
+  // Only solids of <collision> are checked for collisions. A link with <visual> alone, or an arm
+  // without any solid, passes through everything.
   void RemarkOnMissingSolids() {
     constexpr size_t kMostNamed = 5;
     std::vector<std::string> drawn_only;
@@ -335,8 +335,7 @@ class Reader {
     }
     if (!moving_solid) {
       model_.remarks.push_back(
-          "no link that moves has a solid (<collision>): that the robot touches something is not "
-          "noticed");
+          "no link that moves has a solid (<collision>): collisions of the robot are not noticed");
     }
     if (drawn_only.empty()) return;
     const size_t count = drawn_only.size();
@@ -372,7 +371,7 @@ class Reader {
       return Bad(absl::StrCat(where, ": mesh ", path.string(), " is not a regular file"));
     }
     const Eigen::Vector3d scale(mesh.scale.x, mesh.scale.y, mesh.scale.z);
-    // Thousands of solids may name the same file.
+    // Thousands of solids may use the same file, so it is read only once.
     MeshShape& known = meshes_[{path.string(), {scale.x(), scale.y(), scale.z()}}];
     if (known == nullptr) {
       mesh_bytes_ += fs::file_size(path, error);

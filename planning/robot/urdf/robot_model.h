@@ -66,14 +66,14 @@ struct RobotModel {
   std::vector<Eigen::Isometry3d> LinkPoses(const JointPositions& q) const;
 };
 
-// Reads the chain from mount.base_link to mount.tip_link of a URDF; other links are fixed to it,
-// movable ones where they are at 0 or, if that is beyond a limit, at that limit. Solids are those
-// of <collision>. Meshes are .stl, .obj, .ply, .glb, .gltf in metres times their scale, in files
-// below the folder of the URDF. NOT_FOUND, INVALID_ARGUMENT name file and reason: words outside the
-// URDF specification, joints without limits or speed or with limits in degrees, loops, numbers that
-// are not finite, more than 200 links, 16 joints or 500 000 triangles, joints of the chain that are
-// planar, floating or mimic others; a home that is not of the chain's length or beyond its limits
-// names the field of the inspection.
+// Reads the chain from mount.base_link to mount.tip_link of a URDF. Other links are fixed to the
+// chain: movable ones at joint position 0, or at the limit nearest to 0. Solids are those of
+// <collision>. Meshes are .stl, .obj, .ply, .glb or .gltf in metres times their scale, below the
+// folder of the URDF. NOT_FOUND and INVALID_ARGUMENT name file and reason: words outside the URDF
+// specification, joints without limits or speed or with limits in degrees, loops, numbers that are
+// not finite, more than 200 links, 16 joints or 500 000 triangles, or chain joints that are planar,
+// floating or mimic others. If home has the wrong length or exceeds the limits, the message names
+// the field of the inspection.
 absl::StatusOr<RobotModel> ReadRobotModel(const RobotMount& mount);
 
 }  // namespace sightline

@@ -30,8 +30,8 @@ constexpr uintmax_t kMostBytes = 4 << 20;
 constexpr int kMostDepth = 64;
 constexpr int kMostAttributes = 64;
 
-// Collects the messages that urdfdom writes to its console. Only its second error names the joint
-// or link of the first.
+// Collects the messages that urdfdom writes to its console. Only its second error message names the
+// joint or link of the first one.
 class Messages final : public console_bridge::OutputHandler {
  public:
   void log(const std::string& text, console_bridge::LogLevel level, const char*, int) override {
@@ -47,15 +47,15 @@ class Messages final : public console_bridge::OutputHandler {
   std::string errors_;
 };
 
-// Finds constructs that TinyXML must not be given; empty if nothing. It reads elements by recursion
-// and looks for double attributes by comparing all pairs. Tags are distinguished as TinyXML does
-// it, which differs from XML: otherwise a comment here could be an element there.
+// Finds constructs that TinyXML must not read; empty if there are none. TinyXML reads elements by
+// recursion and finds duplicate attributes by comparing all pairs. Tags are split exactly as
+// TinyXML does, which differs from XML: otherwise a comment here could be an element there.
 std::string Refuse(std::string_view xml) {
   int depth = 0;
   bool after_root = false;
   size_t at = 0;
-  size_t end = 0;  // of what was looked at
-  // TinyXML stops without a word at text behind the root.
+  size_t end = 0;  // end of the checked text
+  // TinyXML silently stops at text behind the root.
   const auto has_text_behind_root = [&](size_t until) {
     const std::string_view between = xml.substr(end, until - end);
     return after_root && depth == 0 && between.find_first_not_of(" \t\r\n") != between.npos;
@@ -65,13 +65,13 @@ std::string Refuse(std::string_view xml) {
     const std::string_view rest = xml.substr(at);
     size_t length = 0;
     if (rest.starts_with("<!--")) {
-      // Unlike in XML the dashes at its start may not be those at its end, as in <!-->.
+      // Unlike in XML, the dashes at its start are not those at its end, as in <!-->.
       length = rest.find("-->", 4);
       length = length == rest.npos ? rest.size() : length + 2;
     } else if (rest.starts_with("<![CDATA[")) {
       return "has a CDATA section, which a URDF does not need";
     } else if (rest.starts_with("<?")) {
-      // Ends at the first '>', whatever stands before it.
+      // Ends at the first '>', whatever precedes it.
       length = std::min(rest.find('>'), rest.size());
       if (!rest.substr(0, length).ends_with('?'))
         return "has a declaration that does not end in ?>";
@@ -111,8 +111,8 @@ std::string Refuse(std::string_view xml) {
   return has_text_behind_root(xml.size()) ? "has text behind its root element" : "";
 }
 
-// Why the links of a robot are no forest: empty if they are. Links that own one another in a loop
-// would never be freed.
+// Returns why the links of a robot are no forest; empty if they are. Links that own one another in
+// a loop would never be freed.
 std::string RefuseLoops(const TiXmlElement& robot) {
   std::map<std::string, std::string> parent_of;
   const auto link_of = [](const TiXmlElement* end) {
@@ -128,7 +128,7 @@ std::string RefuseLoops(const TiXmlElement& robot) {
       return absl::StrCat("link ", child, " has two parents");
     }
   }
-  // Links from which walking up is known to end.
+  // Links from which the walk to the parents is known to end.
   std::map<std::string, bool> ends;
   for (const auto& [link, parent] : parent_of) {
     std::vector<std::string> way;
@@ -149,7 +149,7 @@ std::string RefuseLoops(const TiXmlElement& robot) {
   return "";
 }
 
-// Names of the joints of which an element `tag` has one of the attributes.
+// Names of the joints whose element `tag` has one of the attributes.
 std::set<std::string> JointsThatState(const TiXmlElement& robot, const char* tag, const char* lower,
                                       const char* upper) {
   std::set<std::string> names;
@@ -207,7 +207,7 @@ absl::StatusOr<UrdfFile> ReadUrdfFile(const std::string& path) {
         JointsThatState(*robot, "safety_controller", "soft_lower_limit", "soft_upper_limit");
   }
 
-  // The console of urdfdom is one for the whole process.
+  // urdfdom has one console for the whole process.
   static std::mutex console;
   const std::lock_guard<std::mutex> lock(console);
   Messages messages;
@@ -219,7 +219,7 @@ absl::StatusOr<UrdfFile> ReadUrdfFile(const std::string& path) {
     thrown = exception.what();
   }
   console_bridge::restorePreviousOutputHandler();
-  // urdfdom goes on after some errors, without the wrong element.
+  // After some errors urdfdom continues without the faulty element.
   if (!messages.errors().empty()) return bad(messages.errors());
   if (!thrown.empty()) return bad(thrown);
   if (!result.model) return bad("is not a URDF");

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A URDF file read by urdfdom. That library trusts its input and skips unknown words, so hostile
-// structure and words outside the specification (urdf_vocabulary.h) are refused first.
+// Reads a URDF file with urdfdom. The library trusts its input and skips unknown words, so hostile
+// structure and words outside the specification (urdf_vocabulary.h) are rejected first.
 #pragma once
 
 #include <urdf_world/types.h>
@@ -17,8 +17,9 @@ struct UrdfFile {
   urdf::ModelInterfaceSharedPtr model;
   std::string digest;                // SHA-256 of the file
   std::vector<std::string> remarks;  // omissions, a sentence each
-  // Names of the joints whose <limit>, and of those whose safety_controller, states lower or upper
-  // limits. urdfdom gives limits that are left out the value 0, like stated ones of 0.
+  // Names of joints whose <limit>, or whose <safety_controller>, states lower or upper limits.
+  // urdfdom gives omitted limits the value 0, so its result cannot distinguish them from a stated
+  // 0.
   std::set<std::string> joints_with_limits, joints_with_soft_limits;
 };
 

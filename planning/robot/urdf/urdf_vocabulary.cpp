@@ -27,14 +27,14 @@ using Count = UrdfElement::Count;
 constexpr auto kText = UrdfValue::kText;
 constexpr auto kNumber = UrdfValue::kNumber;
 constexpr auto kVector = UrdfValue::kVector;
-// As of limits of joints: twice the largest turn that has a meaning of its own.
+// Same as for joint limits: twice the largest meaningful turn.
 constexpr double kMostAngleRad = 4 * std::numbers::pi;
 constexpr bool kRequired = true;
 
 // Elements of other programs, as published robots have them.
 struct Extension {
   std::string_view name;
-  // It describes solids or joints of the robot: leaving it out is worth a remark.
+  // It describes solids or joints of the robot, so that skipping it deserves a remark.
   bool of_the_robot = false;
 };
 constexpr Extension kExtensions[] = {
@@ -193,7 +193,7 @@ const UrdfElement* ElementIn(const std::string& parent, const std::string& name)
   return found == UrdfElements().end() ? nullptr : &*found;
 }
 
-// Elements that may hold `name`, in angle brackets. Empty if there is no such element.
+// Elements that may contain `name`, in angle brackets; empty if there is no such element.
 std::vector<std::string> PlacesOf(const std::string& name) {
   std::vector<std::string> places;
   for (const UrdfElement& element : UrdfElements()) {
@@ -262,7 +262,7 @@ class Checker {
     return absl::OkStatus();
   }
 
-  // Suggests the attribute that was meant. One that the element lacks is the likeliest.
+  // Suggests the most similar attribute, preferably one that the element lacks.
   static std::string Suggestion(const std::string& name, const UrdfElement& element,
                                 const std::set<std::string>& present) {
     std::vector<std::string> all, absent;
@@ -276,7 +276,7 @@ class Checker {
     return all.empty() ? "; it has none" : absl::StrCat("; it may have ", OneOf(all));
   }
 
-  // Why a value cannot be read, behind the attribute's name; empty if it can.
+  // Returns why a value cannot be read, to follow the attribute's name; empty if it can.
   static std::string RefuseValue(const UrdfAttribute& attribute, const std::string& text) {
     switch (attribute.value) {
       case UrdfValue::kText:
@@ -325,9 +325,10 @@ class Checker {
     for (const TiXmlNode* child = node.FirstChild(); child != nullptr;
          child = child->NextSibling()) {
       if (const TiXmlText* text = child->ToText(); text != nullptr) {
-        return Bad(node, where,
-                   absl::StrCat(InAngles(element.name), ": has the text ",
-                                QuotedExcerpt(text->ValueStr()), ", where only elements stand"));
+        return Bad(
+            node, where,
+            absl::StrCat(InAngles(element.name), ": has the text ", QuotedExcerpt(text->ValueStr()),
+                         ", but may contain only elements"));
       }
       const TiXmlElement* inner = child->ToElement();
       if (inner == nullptr) continue;  // a comment
@@ -361,7 +362,7 @@ class Checker {
     return absl::OkStatus();
   }
 
-  // Why an element cannot stand in `parent`, with the nearest name that can.
+  // Returns why an element is not allowed in `parent`, with the nearest allowed name.
   static std::string Unknown(const std::string& name, const std::string& parent) {
     if (name.starts_with("xacro:")) {
       return absl::StrCat(
@@ -378,13 +379,13 @@ class Checker {
         absl::StrCat(InAngles(parent), ": has the unknown element ", QuotedExcerpt(name));
     std::string likely = LikelyName(name, here);
     if (!likely.empty()) return absl::StrCat(text, "; did you mean ", InAngles(likely), "?");
-    // A misspelt element in a wrong place.
+    // A misspelt element in the wrong place.
     std::vector<std::string> all;
     for (const UrdfElement& element : UrdfElements()) all.emplace_back(element.name);
     likely = LikelyName(name, all);
     if (!likely.empty()) {
       return absl::StrCat(text, "; the nearest known name is ", likely,
-                          ", which does not stand in ", InAngles(parent));
+                          ", which is not allowed in ", InAngles(parent));
     }
     return here.empty() ? absl::StrCat(text, "; it has none")
                         : absl::StrCat(text, "; it may have ", OneOf(here));

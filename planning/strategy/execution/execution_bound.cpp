@@ -11,10 +11,10 @@
 namespace sightline {
 namespace {
 
-// Sets of faces that are looked at; 20 faces have a million.
+// Largest number of examined sets of faces; 20 faces have a million.
 constexpr int64_t kMostFaceSets = int64_t{1} << 20;
 
-// How many targets are measurable from exactly these faces, for every set that occurs.
+// For every set of faces that occurs: the number of targets measurable from exactly these faces.
 using FaceCounts = std::vector<std::pair<uint64_t, int64_t>>;
 
 FaceCounts CountByFaces(std::span<const uint64_t> measurable_from, const TargetBits& wanted) {
@@ -33,8 +33,8 @@ int64_t CountFrom(const FaceCounts& counts, uint64_t faces) {
   return sum;
 }
 
-// Whether some set of `size` faces, besides `chosen` and out of those from `next` on, reaches the
-// goal. `left` counts the sets that may still be looked at; below 0 the answer is not known.
+// True if `size` further faces, taken from index `next` on and added to `chosen`, reach the goal.
+// `left` counts the sets that may still be examined; below 0 the answer is unknown.
 bool AnySetReaches(const FaceCounts& counts, const std::vector<uint64_t>& faces, size_t next,
                    size_t size, uint64_t chosen, int64_t goal_targets, int64_t& left) {
   if (size == 0) return --left >= 0 && CountFrom(counts, chosen) >= goal_targets;
@@ -67,7 +67,7 @@ FaceBound BoundFaces(std::span<const uint64_t> measurable_from, const TargetBits
     bound.faces = static_cast<int>(size);
     if (AnySetReaches(counts, faces, 0, size, 0, goal_targets, left)) return bound;
     if (left < 0) {
-      // No smaller set reaches the goal; of this size not all were looked at.
+      // No smaller set reaches the goal; the sets of this size were not all examined.
       bound.exact = false;
       return bound;
     }
@@ -78,7 +78,7 @@ FaceBound BoundFaces(std::span<const uint64_t> measurable_from, const TargetBits
 ExecutionBounds BoundExecution(const ExecutionModel& model, const FaceBound& faces, int scans,
                                bool scans_converged) {
   ExecutionBounds bounds;
-  // A robot that holds the part lays it by itself.
+  // A robot that holds the part lays it by itself, which is no set-up.
   bounds.setups = model.robot_holds_part ? 1 : faces.faces;
   bounds.setups_converged = model.robot_holds_part || faces.exact;
   bounds.setups_statement = absl::StrFormat(
@@ -91,7 +91,7 @@ ExecutionBounds BoundExecution(const ExecutionModel& model, const FaceBound& fac
   }
   const CostModel& costs = model.costs;
   const double reposition_s = costs.reposition_time_s.value_or(0);
-  // A robot that holds the sensor head comes to another azimuth in no time of these.
+  // A robot that holds the sensor head changes the azimuth without any of these times.
   const double change_s =
       model.robot_holds_head
           ? 0

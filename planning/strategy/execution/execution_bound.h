@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Lower bounds on the set-ups of a plan and on the time to execute it.
 //
-// Set-ups. A plan satisfies a target only from a resting face from which some scan measures it. So
-// its faces are a partial cover of the targets by the sets M_r that face r measures, and every face
-// is a set-up at least. The least number of faces with |union of M_r| >= goal is found exactly by
-// enumeration, since parts have few faces.
+// Set-ups. A plan satisfies a target only from a resting face from which some scan measures it. The
+// plan's faces therefore partially cover the targets by sets M_r, which face r measures, and every
+// face needs at least one set-up. The least number of faces with |union of M_r| >= goal is found
+// exactly by enumeration, since parts have few faces.
 //
-// Time. With F faces at least, n scans at least, and the times of CostModel: the sensors are put in
-// their place once, the part is laid F times, and each of the n - F other changes takes at least
-// the least of turning, laying and moving the sensors. Scanning itself counts as 0.
+// Time. At least F faces, at least n scans, and the times of CostModel: the sensors are placed
+// once, the part is laid F times, and each of the n - F other changes takes at least the shortest
+// time of turning, laying and moving the sensors. Scanning itself counts as 0.
 #pragma once
 
 #include <cstdint>
@@ -22,14 +22,14 @@ namespace sightline {
 
 struct FaceBound {
   int faces = 1;
-  // The number is the least one; otherwise it is at most that.
+  // True if `faces` is the least number; otherwise it is only a lower bound.
   bool exact = true;
   int64_t goal_targets = 0;
 };
 
 // Least number of resting faces from which `goal_targets` of the targets in `wanted` are
-// measurable. Bit r of measurable_from[t]: target t is measurable from face r; empty: nothing is
-// known of faces, and one is the bound. Not exact if all faces together do not reach the goal.
+// measurable. Bit r of measurable_from[t]: target t is measurable from face r. If it is empty,
+// faces are unknown and the bound is 1. Not exact if all faces together do not reach the goal.
 FaceBound BoundFaces(std::span<const uint64_t> measurable_from, const TargetBits& wanted,
                      int64_t goal_targets);
 

@@ -43,7 +43,7 @@ double RepositionByCosts(const CostModel& costs, const Measurement& from, const 
   return costs.reposition_time_s.value_or(0) + moving_s;
 }
 
-// Height of the part's lowest point over its centre [m].
+// Height of the part's lowest point above its centre [m].
 double LowestOverCentre(const ExecutionModel& model, const Measurement& scan) {
   if (model.support_points_m == nullptr || model.support_points_m->empty()) return 0;
   Measurement rest;

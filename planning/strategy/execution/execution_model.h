@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Model of executing a plan: places of the sensors, set-ups, and the time of every change by the
-// inspection's costs.
+// Model of executing a plan: places of the sensors, set-ups, and the time of each change according
+// to the inspection's costs.
 //
-// A *set-up* is a resting face with a place of the sensors. Between two scans the part is laid anew
+// A *set-up* is a resting face with a place of the sensors. Between two scans the part is laid
 // (another resting face) or turned (another turn or shift on the same face), and the sensors are
-// moved (another place); the times of what changes add up, since one person does it.
+// moved (another place). The times of all changes add up, since one person makes them.
 #pragma once
 
 #include <Eigen/Core>
@@ -21,7 +21,7 @@ namespace sightline {
 struct ExecutionModel {
   CostModel costs;
   double scan_step_m = 0.001;
-  // If not, the table's height under the sensors is part of their place.
+  // False: the height of the table below the sensors is part of their place.
   bool stage_moves_in_height = true;
   // A robot that holds the sensor head moves it by itself: one place of the sensors serves all
   // azimuths and polar angles. One that holds the part lays and turns it.
@@ -34,11 +34,12 @@ struct ExecutionModel {
 // The model of an inspection whose part is held (HoldPart).
 ExecutionModel ExecutionModelOf(const Inspection& inspection);
 
-// Height of the table's upper face over the origin of the world [m]; of parts without a table that
-// of their centre.
+// Height of the table's upper face above the origin of the world [m]; without a table, the height
+// of the part's centre.
 double TableHeight(const ExecutionModel& model, const Measurement& scan);
 
-// Angles and lengths that differ by less than 1e-9 rad or m are the same.
+// True if both scans have one place of the sensors: angles, lengths differ by < 1e-9 rad or
+// m.
 bool SamePlaceOfSensors(const ExecutionModel& model, const Measurement& a, const Measurement& b);
 bool SameRest(const ExecutionModel& model, const Measurement& a, const Measurement& b);
 
@@ -58,31 +59,31 @@ struct ChangeTimes {
 
 ChangeTimes TimesBetween(const ExecutionModel& model, const Measurement& from,
                          const Measurement& to);
-// Before the first scan: the part is laid down and the sensors are put in their place.
+// Changes before the first scan: the part is laid down and the sensors are placed.
 ChangeTimes TimesBeforeFirst(const ExecutionModel& model);
 
-// Numbers of the placing of the sensors and of the placing of the part that a scan is made with.
-// Scans with the same number follow one another without these being touched.
+// Sequence numbers of the placing of the sensors and of the part for one scan. Between scans with
+// the same number these are not touched.
 struct Placings {
   size_t sensors = 0, part = 0;
 };
 
-// The placings of scans that are made in this order. A person who turns or shifts the part on the
-// table touches it. A robot comes to every scan anew.
+// Placings of scans in the order of execution. A person touches the part to turn or shift it on the
+// table. A robot approaches every scan anew.
 std::vector<Placings> PlacingsOf(const ExecutionModel& model, std::span<const Measurement> scans);
 
-// Scans that follow one another without a change of resting face or place of the sensors.
+// Consecutive scans without a change of resting face or place of the sensors.
 struct SetupRun {
-  // Positions of the first scan and behind the last one.
+  // Index of the first scan, and index behind the last one.
   size_t begin = 0, end = 0;
-  // Number of the place of the sensors, and of the resting face, by first use.
+  // Numbers of the place of the sensors and of the resting face, in order of first use.
   size_t place = 0, rest = 0;
 };
 
-// The set-ups of scans that are made in this order.
+// Set-ups of scans in the order of execution.
 std::vector<SetupRun> SetupsOf(const ExecutionModel& model, std::span<const Measurement> scans);
 
-// Distinct set-ups, places of the sensors and resting faces of scans in any order.
+// Numbers of distinct set-ups, places of the sensors and resting faces; scans in any order.
 struct SetupCounts {
   int setups = 0, places = 0, rests = 0;
 };

@@ -26,21 +26,21 @@ namespace {
 
 constexpr double kNever_s = std::numeric_limits<double>::infinity();
 constexpr size_t kChoicePairs = 16384;
-constexpr size_t kMostWays = 24;        // in which the plan's scans have the part
-constexpr size_t kMostCandidates = 96;  // of earlier searches
+constexpr size_t kMostWays = 24;        // poses of the part in the plan's scans
+constexpr size_t kMostCandidates = 96;  // scans of earlier searches
 constexpr size_t kTriedPlaces = 40, kSearchedPlaces = 12;
 constexpr int kScansPerPlace = 5;
 constexpr size_t kKeptAtPlace = 6;
 constexpr double kSeparationAtPlace = 0.03;
 constexpr int kChoiceRounds = 250;
 constexpr int kSwarmAtPlace = 24;
-// Parts of the evaluations for searching scans of places.
+// Fractions of the evaluations.
 constexpr double kSearchShare = 0.5;
 constexpr int64_t kPlaceTrials = 24;
 constexpr size_t kMostPool = 3000;
-constexpr int kMostChecks = 4;  // exact scores of plans
+constexpr int kMostChecks = 4;  // exact scores of whole plans
 
-// Parameters that are fixed while the sensors stay where they are, and while the part does.
+// Parameters fixed while the sensors stay in place, and those fixed while the part does.
 constexpr std::array kPlaceParameters = {kCameraDistance, kTriangulationAngle, kCameraAzimuth,
                                          kCameraPolar};
 constexpr std::array kPartParameters = {kPartAlpha, kPartBeta, kPartGamma, kOffsetY, kOffsetZ};
@@ -89,13 +89,14 @@ class LeastTimePlanner {
     limits_.rests = goal.max_resting_faces;
   }
 
-  // The scans of the best plan that counts, without the locked ones; unset: none is better.
+  // Scans of the best accepted plan without the locked ones; nothing if none improves the given
+  // one.
   absl::StatusOr<std::optional<std::vector<Measurement>>> Plan() {
     absl::Status status = Search();
     if (!status.ok() && !run_.IsStop(status)) return status;
     return best_;
   }
-  // Whether the plan that the search started from keeps the limits.
+  // True if the given plan keeps the limits.
   bool given_keeps_limits() const { return given_keeps_limits_; }
 
  private:
@@ -132,7 +133,7 @@ class LeastTimePlanner {
     return index;
   }
 
-  // Feasible scans go into the pool; their indices, none for the others.
+  // Adds feasible scans to the pool; returns their indices, nothing for infeasible ones.
   absl::StatusOr<std::vector<std::optional<size_t>>> AddToPool(
       const std::vector<Measurement>& measurements, bool even_if_infeasible = false) {
     std::vector<std::optional<size_t>> indices;
@@ -164,7 +165,7 @@ class LeastTimePlanner {
     return indices;
   }
 
-  // The given plan: the start of the search, and the worth that it must reach.
+  // Adds the given plan: start of the search, and the worth that a plan must reach.
   absl::Status AddPlan() {
     std::vector<Measurement> measurements;
     for (const bool locked : {true, false}) {
@@ -174,7 +175,7 @@ class LeastTimePlanner {
     }
     SIGHTLINE_ASSIGN_OR_RETURN(auto indices, AddToPool(measurements, true));
     for (const auto& index : indices) plan_.push_back(*index);
-    // The plan's surplus over the goal need not be kept.
+    // A plan need not keep the given plan's surplus over the goal.
     const double spare =
         std::max<double>(0, static_cast<double>(given_.score.Claimed() - run_.goal_targets()));
     const double pooled = pool_.Worth(plan_);
@@ -223,7 +224,7 @@ class LeastTimePlanner {
     return known;
   }
 
-  // Every place with every way in which the plan has the part.
+  // Combines every place with every pose that the part has in the plan.
   absl::Status FillPool() {
     std::vector<Measurement> ways, places;
     for (const ChosenScan& scan : given_.scans) {
@@ -256,7 +257,7 @@ class LeastTimePlanner {
     return AddToPool(tried).status();
   }
 
-  // Numbers of the places whose scans in the pool satisfy most together, the best first.
+  // Numbers of the places whose scans in the pool together satisfy most, best first.
   std::vector<size_t> BestPlaces() const {
     std::map<size_t, PoolPlan> of_place;
     for (size_t scan = 0; scan < scans_.size(); ++scan)
@@ -271,7 +272,7 @@ class LeastTimePlanner {
     return best;
   }
 
-  // Scans that go well together from one place, for each of the best places.
+  // Searches scans that complement one another, for each of the best places.
   absl::Status SearchPlaces() {
     const std::vector<size_t> best = BestPlaces();
     if (best.empty()) return absl::OkStatus();
@@ -290,7 +291,7 @@ class LeastTimePlanner {
     return absl::OkStatus();
   }
 
-  // Fast gains of points of `space`, put at the place; keeps the best in `top`.
+  // Fast gains of points of `space` made from the place; the best enter `top`.
   BatchObjective GainAt(const SearchSpace& space, const Measurement& place,
                         const std::vector<float>& known, TopPoints* top) {
     return [this, &space, &place, &known, top](
@@ -304,7 +305,7 @@ class LeastTimePlanner {
       std::vector<double> values;
       for (size_t i = 0; i < gains.size(); ++i) {
         const ScanGain& gain = gains[i];
-        // The height that a place has with another resting face may lie outside the domain.
+        // With another resting face the height of a place may lie outside the domain.
         const bool possible = gain.feasibility == ScanFeasibility::kFeasible &&
                               run_.request().domain.Contains(measurements[i]);
         values.push_back(possible ? gain.gain : -1);
@@ -331,7 +332,7 @@ class LeastTimePlanner {
     return SearchSpace(WithFixed(domain, std::array{kCameraDistance, kTriangulationAngle}, place));
   }
 
-  // The scan from this place with the largest gain; none if no scan has a gain.
+  // The scan of largest gain from this place; nothing if no scan has a gain.
   absl::StatusOr<std::optional<size_t>> SearchScan(const Measurement place,
                                                    const std::vector<float>& known,
                                                    int64_t evaluations) {
@@ -361,7 +362,7 @@ class LeastTimePlanner {
     return scans;
   }
 
-  // Scores the plan exactly; where it satisfies too little, more is aimed at.
+  // Scores the plan exactly; if it satisfies too little, raises the aim.
   absl::Status Check() {
     for (int check = 0; check < kMostChecks; ++check) {
       std::vector<Measurement> scans = Measurements(plan_);
@@ -379,7 +380,7 @@ class LeastTimePlanner {
       const double over_s =
           limits_.time_s ? TimeByFramesS(scans, exact) - *run_.request().goal.execution_time_s : 0;
       if (feasible && over_s > 0) {
-        // Estimates of scan times were too low.
+        // Estimates of scan times were too low: tighten the limit by the excess.
         *limits_.time_s -= over_s + 1e-6;
       } else if (feasible) {
         SIGHTLINE_ASSIGN_OR_RETURN(auto score, run_.Score(scans, true));
@@ -394,7 +395,7 @@ class LeastTimePlanner {
           }
         }
         if (satisfied >= needed_) return absl::OkStatus();
-        // Worth of the targets that are missing.
+        // Raise the aim by the worth of the missing targets.
         aim_ *= 1 + 1.02 * static_cast<double>(needed_ - satisfied) /
                         static_cast<double>(std::max<int64_t>(1, satisfied));
         aim_ = std::min(aim_, pool_.MostWorth());
@@ -404,7 +405,7 @@ class LeastTimePlanner {
     return absl::OkStatus();
   }
 
-  // Every scan moves once, from its place, to where it adds most to the others.
+  // Moves every scan once, from a fixed place, to where it adds most to the others.
   absl::Status PolishScans() {
     for (size_t i = fixed_; i < plan_.size() && !OutOfBudget(); ++i) {
       PoolPlan others = plan_;
@@ -430,7 +431,7 @@ class LeastTimePlanner {
     return absl::OkStatus();
   }
 
-  // Every place of the sensors moves once, with all scans that are made from it.
+  // Moves every place of the sensors once, together with all its scans.
   absl::Status PolishPlaces() {
     std::set<size_t> places;
     for (size_t i = fixed_; i < plan_.size(); ++i) places.insert(setup_[plan_[i]].place);
@@ -443,7 +444,7 @@ class LeastTimePlanner {
   }
 
   absl::Status PolishPlace(size_t place) {
-    std::vector<size_t> of_place;  // positions in the plan
+    std::vector<size_t> of_place;  // positions in the plan of this place's scans
     PoolPlan others;
     for (size_t i = 0; i < plan_.size(); ++i) {
       if (setup_[plan_[i]].place == place) {
@@ -466,7 +467,7 @@ class LeastTimePlanner {
       std::vector<Measurement> scans;
       for (const size_t i : of_place) {
         Measurement scan = AtPlaceOf(model_, moved, scans_[plan_[i]].measurement);
-        // A place that moves keeps its height.
+        // A moved place keeps its height.
         scan.offset_z_m = scans_[plan_[i]].measurement.offset_z_m;
         scans.push_back(scan);
       }
@@ -487,7 +488,7 @@ class LeastTimePlanner {
     return absl::OkStatus();
   }
 
-  // The domain without its resting orientations, which take a coordinate of their own.
+  // The domain without resting orientations, which take one coordinate of their own.
   MeasurementDomain FreeOfRests() const {
     MeasurementDomain domain = run_.request().domain;
     domain.resting_orientations.clear();
@@ -501,8 +502,8 @@ class LeastTimePlanner {
   size_t fixed_ = 0;  // the first scans of a plan are locked
   Random random_;
   ScanPool pool_;
-  std::vector<PooledScan> scans_;   // those of the pool
-  std::vector<SetupOfScan> setup_;  // of each
+  std::vector<PooledScan> scans_;   // scans of the pool
+  std::vector<SetupOfScan> setup_;  // of each scan in scans_
   std::vector<Measurement> places_, rests_;
   SetupLimits limits_;
   int64_t budget_ = 0;

@@ -12,9 +12,9 @@ namespace {
 
 constexpr double kEqualWorth = 1e-9;
 constexpr double kInfeasible_s = std::numeric_limits<double>::infinity();
-// Seconds of which one is drawn for every round, and added to those of every scan.
+// Extra seconds per scan; each round picks one of these at random.
 constexpr std::array<double, 6> kExtra_s = {0, 30, 120, 400, 1200, 4000};
-// Part of the time by which a plan may get longer in the first round; less in later ones.
+// Fraction of time by which a plan may get longer in the first round; it shrinks to 0.
 constexpr double kLonger = 0.05;
 
 template <typename Condition>
@@ -114,7 +114,7 @@ std::vector<double> SetupChoice::AddedByEach(const PoolPlan& plan) const {
                (!rests.contains(setup.second) && full(rests.size(), limits_.rests))) {
       added_s.push_back(kInfeasible_s);
     } else {
-      // Beside the nearest set-up that the plan has.
+      // Insert the set-up next to the nearest one of the plan.
       double change_s =
           now.empty() ? costs_.lay_time_s + costs_.move_sensors_time_s : kInfeasible_s;
       for (const Setup& other : now) change_s = std::min(change_s, BetweenS(other, setup));
@@ -160,7 +160,7 @@ void SetupChoice::Ruin(PoolPlan& plan, size_t fixed, Random& random,
       TakeOut(plan, fixed, [&](size_t scan) { return scans_[scan].place != chosen.place; });
       return;
     case 4: {
-      // Another place of the sensors gets its chance with a random scan of it.
+      // A random scan may bring in another place of the sensors.
       *without_place = chosen.place;
       TakeOut(plan, fixed, [&](size_t scan) { return scans_[scan].place == chosen.place; });
       PoolPlan with = plan;
@@ -224,7 +224,7 @@ PoolPlan SetupChoice::Improve(PoolPlan plan, size_t fixed, double aim, int round
                               const std::function<bool()>& stop) const {
   if (scans_.empty() || stop()) return plan;
   if (!KeepsLimits(plan)) {
-    // From the fixed scans alone, in several ways.
+    // Start from the fixed scans alone, with each extra time.
     PoolPlan best(plan.begin(), plan.begin() + static_cast<std::ptrdiff_t>(fixed));
     const PoolPlan start = best;
     for (const double extra_s : kExtra_s) {

@@ -10,7 +10,7 @@
 namespace sightline {
 namespace {
 
-// Number of places at which sum - out + in reaches the need.
+// Number of elements at which sum - out + in reaches the need.
 SIGHTLINE_CLONES("avx2")
 int64_t CountExchanged(const uint16_t* sum, const uint8_t* out, const uint8_t* in, size_t size) {
   // As in CountReached.
@@ -28,7 +28,7 @@ int64_t CountExchanged(const uint16_t* sum, const uint8_t* out, const uint8_t* i
   return count;
 }
 
-// Number of targets that `in` satisfies or a scan other than `out`.
+// Number of targets satisfied by `in` or by a scan of the plan other than `out`.
 SIGHTLINE_CLONES("popcnt")
 int64_t CountSettledWith(const uint64_t* once, const uint64_t* twice, const uint64_t* out,
                          const uint64_t* in, size_t words) {
@@ -39,7 +39,7 @@ int64_t CountSettledWith(const uint64_t* once, const uint64_t* twice, const uint
   return count;
 }
 
-// Adds the targets that one scan more satisfies.
+// Adds the targets of one more scan to the counts.
 SIGHTLINE_CLONES("avx2")
 void CountScan(const uint64_t* scan, uint64_t* once, uint64_t* twice, size_t words) {
   for (size_t i = 0; i < words; ++i) {

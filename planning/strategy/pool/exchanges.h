@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Worth of a plan when one of its scans gives way to another of the pool.
+// Worth of a plan when another scan of the pool replaces one of its scans.
 //
-// There are two ways to compute it: sums of fractions, and bits if every scan gives a target all
-// its information or none. With bits, sixty-four targets take one step. Both give the same numbers.
+// There are two ways to compute it: sums of fractions, or bits if every scan gives a target all its
+// information or none. Bits process 64 targets at a time. Both give the same numbers.
 #pragma once
 
 #include <cstddef>
@@ -21,11 +21,11 @@ using PoolPlan = std::vector<size_t>;
 using ShareColumn = std::vector<uint8_t>;
 inline constexpr uint8_t kWholeShare = 127;  // two of them still fit into a byte
 
-// Number of places at which `added` reaches `need`.
+// Number of elements at which `added` reaches `need`.
 int64_t CountReached(const uint8_t* need, const uint8_t* added, size_t size);
 
-// A plan and the columns of all scans of its pool (one at least), of which every step has `targets`
-// entries. Steps and columns must outlive it.
+// A plan and the columns of all scans of its pool (at least one). Each step of a column has
+// `targets` elements. Steps and columns must outlive this object.
 class ShareExchanges {
  public:
   ShareExchanges(const std::vector<ShareStep>& steps, size_t targets,
@@ -33,7 +33,7 @@ class ShareExchanges {
 
   const PoolPlan& plan() const { return plan_; }
   double WorthWith(size_t place, size_t scan) const;
-  // With every scan of the pool in that place.
+  // Worth of the plan with each scan of the pool in this position.
   std::vector<double> WorthWithEach(size_t place) const;
   void Exchange(size_t place, size_t scan);
 
@@ -64,7 +64,7 @@ class CoverExchanges {
   void Exchange(size_t place, size_t scan);
 
  private:
-  // Counts again the targets that the plan's scans satisfy.
+  // Recounts the targets that the plan's scans satisfy.
   void Count();
 
   const std::vector<ShareStep>& steps_;

@@ -12,8 +12,8 @@ namespace sightline {
 namespace {
 
 constexpr double kBetter = 1e-9;
-// Temperatures of annealing, as fractions of the largest worth: one exchange in three that loses
-// this much is accepted.
+// Temperatures of annealing as fractions of the largest worth. An exchange that loses this much is
+// accepted with probability 1/e.
 constexpr double kHottest = 0.005, kColdest = 0.0001;
 
 SIGHTLINE_CLONES("popcnt")
@@ -29,8 +29,8 @@ void AddSaturated(const std::vector<uint8_t>& added, std::vector<uint8_t>& sum) 
   }
 }
 
-// Puts the best scan of the pool in the place of one of the plan's, from place `fixed` on, as long
-// as that is worth more. Exchanges: as ShareExchanges.
+// Repeats the best replacement of a plan's scan, from position `fixed` on, by one of the pool as
+// long as that raises the worth. Exchanges: interface of ShareExchanges.
 template <typename Exchanges>
 PoolPlan ExchangedWhileBetter(Exchanges exchanges, size_t fixed) {
   if (exchanges.plan().size() <= fixed) return exchanges.plan();

@@ -15,54 +15,55 @@
 
 namespace sightline {
 
-// Targets that a pool may look at, ascending: all toleranced ones, or a random part of `pairs` /
-// `steps` of them where pairs of a target and one of `steps` steps of its worth are clearly more
-// than `pairs`.
+// Targets that a pool uses, ascending: all toleranced ones, or a random sample of
+// `pairs` / `steps` of them if the number of pairs of target and step clearly exceeds
+// `pairs`.
 std::vector<uint32_t> TargetSample(const TargetBits& measurable, size_t steps, size_t pairs,
                                    Random& random);
 
-// Fractions of every step's threshold that the pool's scans give to some of the targets, in units
-// of 1/127. A plan's worth is a count over bytes, or over bits if all fractions are 0 or 1.
+// Fractions of every step's threshold that each scan of the pool gives to a sample of the targets,
+// in units of 1/127. The worth of a plan is counted over bytes, or over bits if all fractions are 0
+// or 1.
 class ScanPool {
  public:
-  // `targets`: those that the pool looks at, ascending.
+  // `targets`: the targets that the pool uses, ascending.
   ScanPool(std::vector<ShareStep> steps, std::vector<uint32_t> targets);
 
   size_t size() const { return columns_.size(); }
-  // Index of the scan.
+  // Adds a scan and returns its index.
   size_t Add(const TargetShares& shares);
-  // The scan has no information any more.
+  // Removes all information from the scan.
   void Empty(size_t scan);
-  // Keeps these scans only, ascending; they get the indices 0, 1, ...
+  // Keeps only these scans (ascending); they get the indices 0, 1, ...
   void Keep(const std::vector<size_t>& kept);
 
   double Worth(const PoolPlan& plan) const;
-  // Worth of the plan with each scan of the pool added.
+  // Worth of the plan with each scan of the pool added to it.
   std::vector<double> WorthWithEach(const PoolPlan& plan) const;
-  // If every target reached every step.
+  // Worth if every target reached every step.
   double MostWorth() const;
-  // Gain of each scan of the pool if added to the plan, plus the largest gain of putting it in the
-  // place of one of the plan's scans.
+  // For each scan of the pool: the gain of adding it to the plan, plus the largest gain of
+  // replacing one of the plan's scans by it.
   std::vector<double> Promise(const PoolPlan& plan) const;
 
-  // Adds the scan that is worth most (the first of equal ones) until the plan has `size` scans, is
-  // worth `goal`, or no scan adds anything.
+  // Adds the scan that is worth most (the first if equal) until the plan has `size` scans, is worth
+  // `goal`, or no scan adds anything.
   void CompleteGreedily(PoolPlan& plan, size_t size, double goal) const;
-  // Exchanges a scan of the plan, from place `fixed` on, for one of the pool as long as that is
-  // worth more; the best exchange first.
+  // Repeats the best exchange of a plan's scan, from position `fixed` on, for one of the pool as
+  // long as that raises the worth.
   void ExchangeWhileBetter(PoolPlan& plan, size_t fixed) const;
-  // Simulated annealing (Kirkpatrick et al. 1983) over exchanges of one scan of the plan, from
-  // place `fixed` on, for one of the pool: `proposals` of them, at temperatures that fall in equal
-  // ratios from a two-hundredth of the largest worth to a fiftieth of that; then exchanges while
-  // better. The best plan met. Stops at a worth of `goal`, or when `stop`, asked now and then, says
-  // so.
+  // Simulated annealing (Kirkpatrick et al. 1983) with `proposals` exchanges of one scan of the
+  // plan, from position `fixed` on, for one of the pool. The temperature falls geometrically from
+  // 1/200 of the largest worth to 1/50 of that. Exchanges that raise the worth follow. Returns the
+  // best plan found. Stops at a worth of `goal`, or when `stop` returns true (called every 1024
+  // proposals).
   PoolPlan Anneal(PoolPlan plan, size_t fixed, double goal, int64_t proposals, Random& random,
                   const std::function<bool()>& stop) const;
 
  private:
   using Column = ShareColumn;
 
-  // Targets that the plan's scans satisfy, and worth of those that are in either set; only if all
+  // Targets satisfied by the plan's scans, and the worth of the union of two sets; only if all
   // fractions are 0 or 1.
   CoverColumn CoveredBy(const PoolPlan& plan) const;
   double WorthOf(const CoverColumn& once, const CoverColumn& also) const;
@@ -73,7 +74,7 @@ class ScanPool {
   std::vector<ShareStep> steps_;
   std::vector<uint32_t> targets_;
   std::vector<Column> columns_;
-  // The same as columns_, if every fraction is 0 or 1.
+  // columns_ as bits, if every fraction is 0 or 1.
   std::vector<CoverColumn> covers_;
   bool only_whole_ = true;
 };

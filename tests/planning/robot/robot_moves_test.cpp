@@ -187,7 +187,7 @@ TEST_F(RobotMovesTest, InterruptedItEndsSoon) {
   ASSERT_EQ(moves.size(), 8u);
   for (const RobotMove& move : moves) {
     EXPECT_TRUE(move.reachable);
-    EXPECT_THAT(move.remark, HasSubstr("was not looked at"));
+    EXPECT_THAT(move.remark, HasSubstr("was not checked for collisions"));
   }
 }
 
