@@ -45,9 +45,16 @@ void Append(Json proposed, Json* description) {
   for (const char* id : {"plate_position_id", "repeat_group"}) {
     int largest = 0;
     for (const Json& recording : (*description)["recordings"]) {
-      if (recording.contains(id)) largest = std::max(largest, recording[id].get<int>());
+      // Dark frames have no plate position: null.
+      if (!recording.contains(id) || recording[id].is_null()) continue;
+      largest = std::max(largest, recording[id].get<int>());
     }
-    if (proposed.contains(id) || std::string(id) == "repeat_group") proposed[id] = largest + 1;
+    const bool is_dark = proposed["kind"] == "dark";
+    if (std::string(id) == "repeat_group" || !is_dark) {
+      proposed[id] = largest + 1;
+    } else {
+      proposed[id] = nullptr;
+    }
   }
   proposed["file"] = kFile;
   (*description)["recordings"].push_back(std::move(proposed));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The inspection behind recordings of a part.
+// Reads the inspection of a part back from the description of its recordings.
 #pragma once
 
 #include <string>
@@ -10,11 +10,11 @@
 
 namespace sightline {
 
-// The inspection that recordings.json of version 2 describes: part, lens, laser, materials, lights,
-// sensor; laser light between surfaces is left out of its render settings, as is everything the
-// file does not know (obstacles, unit of the part's file: set part.unit for STL, PLY, OBJ). File
-// names are as they stand there. INVALID_ARGUMENT: format version 1; regions that differ or are not
-// the middle of the sensor, since a part's image has the principal point in its centre.
+// Returns part, lens, laser, materials, lights and sensor of a recordings.json of version 2. It has
+// no obstacles, no laser light between surfaces and no unit of the part's file: the caller sets
+// part.unit for STL, PLY and OBJ files. File names stay as they are. INVALID_ARGUMENT for format
+// version 1, and for regions of interest that differ or lie off the middle of the sensor: the
+// principal point of a part's image is its centre.
 absl::StatusOr<v1::Inspection> InspectionOfRecordings(const v1::Recordings& recordings,
                                                       const std::string& context);
 

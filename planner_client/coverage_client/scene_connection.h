@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A scene on a coverage server, kept there: a caller that finds it lost builds it again.
+// A scene on a coverage server. If a call finds that the server has lost it, it is built again.
 #pragma once
 
 #include <grpcpp/grpcpp.h>

@@ -15,7 +15,7 @@ namespace {
 
 constexpr double kLargestMean = 4e8;
 
-// A pixel's stream: its place relative to the principal point.
+// Number of a pixel's random stream, by its row and column from the principal point.
 uint64_t PixelStream(int row, int column) {
   return static_cast<uint64_t>(static_cast<uint32_t>(row)) << 32 | static_cast<uint32_t>(column);
 }

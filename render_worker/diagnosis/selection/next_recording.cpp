@@ -100,6 +100,7 @@ std::vector<v1::NextRecording> NextRecordings(const RecordedSet& set, const Hypo
     one.recordings = {image};
     *next.mutable_recording() = RecordingsToProto(one).recordings(0);
     next.mutable_recording()->clear_file();
+    if (!image.plate_position_id) next.mutable_recording()->clear_plate_position_id();
     next.set_description(
         image.kind == RecordingKind::kDark
             ? absl::StrFormat("dark frame, %.3g ms", 1e3 * image.exposure_time_s)

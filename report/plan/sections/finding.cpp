@@ -107,7 +107,7 @@ std::vector<v1::ReportFact> PlanFigures(const ReportData& data) {
   } else {
     figures.push_back(CountFact("scans", plan.scans_size()));
   }
-  // A plan for uncertainty has the goal of its own.
+  // A plan for uncertainty has a goal of its own, so the goal of coverage is not shown.
   const bool coverage_goal = plan.coverage().goal() > 0 && !plan.has_uncertainty();
   figures.push_back(
       PercentFact("measured", plan.coverage().coverage(), 1,

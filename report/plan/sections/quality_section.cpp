@@ -12,7 +12,7 @@
 namespace sightline {
 namespace {
 
-// The median, and below it "0.150 … 0.181".
+// Text of the median and, on a second line, of the smallest and the largest value.
 v1::ReportCell SpreadCell(const v1::ScanQuality::Spread& spread, double factor, int decimals) {
   return NumberCell(factor * spread.median(), FixedNumber(factor * spread.median(), decimals), "",
                     absl::StrCat(FixedNumber(factor * spread.low(), decimals), " \u2026 ",

@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <string>
 
+#include "render_worker/diagnosis/selection/hypothesis.h"
+#include "render_worker/diagnosis/selection/next_recording.h"
 #include "tests/render_worker/diagnosis/rendered_set.h"
 
 namespace sightline {
@@ -50,6 +52,21 @@ TEST(Diagnose, MissingBitsAreFoundBesideAnotherEffect) {
   EXPECT_TRUE(std::any_of(
       diagnosis->calibrated_effects().begin(), diagnosis->calibrated_effects().end(),
       [](const v1::Effect& effect) { return effect.effect() == "sensor.adc_missing_bits"; }));
+}
+
+// A dark frame tells dark current from nothing. It has no place on the plate, and says none.
+TEST(NextRecordings, DarkFramesHaveNoPlatePosition) {
+  const RecordedSet set = MakeRecordedSet(SmallSetDescription(), {});
+  const Effect* dark_current = FindEffect("sensor.dark_current");
+  Hypothesis none = MakeHypothesis({}), warm = MakeHypothesis({{dark_current, {2000}}});
+  none.probability = warm.probability = 0.5;
+  warm.fit.parameters.effects = warm.effects;
+  int dark_frames = 0;
+  for (const v1::NextRecording& next : NextRecordings(set, none, warm, 100)) {
+    EXPECT_EQ(next.recording().has_plate_position_id(), next.recording().kind() != "dark");
+    dark_frames += next.recording().kind() == "dark";
+  }
+  EXPECT_GT(dark_frames, 0);
 }
 
 }  // namespace

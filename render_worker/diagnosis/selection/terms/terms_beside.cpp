@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+// Two steps of the model comparison: a model-discrepancy term is added beside the best single
+// effect, and coefficients that the term does not need are dropped.
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <algorithm>
@@ -18,8 +20,8 @@
 namespace sightline {
 namespace {
 
-// `best`, a single effect, with `term` at the coefficients of largest gain in the linearised model,
-// not fitted; empty if that gain is below kPairGain_nats.
+// Adds `term` to the single effect of `best`. The coefficients are not fitted: they maximise the
+// gain in the linearised model. Returns nothing if that gain is below kPairGain_nats.
 std::optional<Hypothesis> WithTerm(const Context& context, const Hypothesis& best,
                                    const LinearFit& linear, const Effect& term) {
   const auto& parameters = term.description().parameters;
@@ -105,7 +107,7 @@ StageResult AddTermsBeside(const Context& context, std::vector<Hypothesis> hypot
   const Hypothesis best = *leading;
   const LinearFit linear(best.fit);
   for (const Effect* term : context.settings.free_forms) {
-    // A difference that the whole vocabulary does not describe may come from any stage.
+    // If no named effect describes the recordings, the term may belong to any stage.
     const bool near = term->description().stage == best.effects[0].effect->description().stage;
     if (HasRandomLaw(*term) || (!near && !rejected)) continue;
     if (!context.proceed(0.99)) return {std::move(hypotheses), true};
