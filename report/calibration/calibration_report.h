@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The report of a calibration: predicted against real, frame by frame and along the line.
+// The report of a calibration: predicted against real errors, by frame and along the line.
 #pragma once
 
 #include "report/calibration/calibration_result.h"

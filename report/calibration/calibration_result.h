@@ -30,16 +30,16 @@ struct PlaneComparison {
   double line_rms_m = 0;  // of the line's points off the target, triangulated with the reference
 };
 
-// How well frames that are left out are predicted with a target of one shape.
+// Prediction error of left-out frames with a target of one shape.
 struct ShapeTrial {
   TargetShape shape = TargetShape::kFlat;
   double left_out_rms_m = 0, corner_sd_px = 0;
 };
 
-// A target that may be bent: terms of its shape fitted with everything else.
+// Fit of a bent target: terms of its shape are estimated with all other parameters.
 struct TargetBend {
-  double largest_m = 0;   // height of a corner over a plane
-  double chi_square = 0;  // of the three terms about 0
+  double largest_m = 0;   // height of a corner above a plane
+  double chi_square = 0;  // of the three terms against 0
 };
 
 struct CalibrationResult {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Chart of the surface that a plan has measured after each of its scans.
+// Chart of the surface fraction that a plan has measured after each of its scans.
 #pragma once
 
 #include <optional>
@@ -16,10 +16,10 @@ struct CoverageCurve {
   double bound_scans = 0;        // fewest scans for the goal; 0: none drawn
   bool bound_converged = false;
   std::string title, axis, coverage_name;
-  // A second line that is nowhere below `coverage`, of the same length; empty: none.
+  // A second line, at no point below `coverage`, of the same length; empty: none.
   std::vector<double> upper = {};
   std::string upper_name = {};
-  // The last value again, on targets that the search has not seen.
+  // The last value on validation targets, which the search has not seen.
   std::optional<double> fresh = {};
 };
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whether a diagnosis's fields fit each other.
+// Checks that the sizes of a diagnosis's fields agree.
 #pragma once
 
 #include "absl/status/status.h"

@@ -11,10 +11,10 @@
 
 namespace sightline {
 
-// A part that the diagnosis does not hold has no section; the same data give the same report.
-// `set_folder` holds the images named in diagnosis.calibrated, shown beside the maps; empty, or not
-// PNG: no images. INVALID_ARGUMENT names a field whose size does not fit its neighbours, e.g. a
-// profile with fewer values than rows.
+// Parts that the diagnosis does not contain have no section; the same data give the same report.
+// `set_folder` contains the images named in diagnosis.calibrated, shown beside the maps; without
+// it, or for other formats than PNG, there are no images. INVALID_ARGUMENT names a field whose size
+// does not agree with its neighbours, e.g. a profile with fewer values than rows.
 absl::StatusOr<v1::Report> DiagnosisReport(const v1::Diagnosis& diagnosis,
                                            const std::string& set_folder);
 

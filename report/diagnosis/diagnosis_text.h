@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How a diagnosis's report words single numbers.
+// Text of single numbers in a diagnosis's report.
 #pragma once
 
 #include <optional>
@@ -12,7 +12,7 @@ namespace sightline {
 // Names of the vocabulary as words, joined by commas: "line_flanks" -> "line flanks".
 std::string NameWords(const google::protobuf::RepeatedPtrField<std::string>& names);
 
-// Chi squared per degree of freedom; nothing to say without any.
+// Chi squared per degree of freedom; nothing without degrees of freedom.
 std::optional<double> PerDegree(double chi_squared, int degrees_of_freedom);
 std::string PerDegreeText(double chi_squared, int degrees_of_freedom);
 

@@ -9,7 +9,7 @@
 
 namespace sightline {
 
-// Holds references: what it is made from must outlive it.
+// Holds references: its sources must outlive it.
 struct DiagnosisView {
   DiagnosisView(const v1::Diagnosis& of, const std::string& folder);
 
@@ -20,10 +20,10 @@ struct DiagnosisView {
   std::string CaptionTitle(int index, const std::string& title_suffix = "") const;
   std::string CaptionSetup(int index) const;
 
-  // The model with something added, in words.
+  // Description of the model with the added effects.
   std::string ModelName() const;
 
-  // The most probable model with a name, which stands in `named_check`; empty: the null model.
+  // The most probable model that `named_check` names; empty: the null model.
   std::string NamedModel() const;
 
   const v1::Diagnosis& diagnosis;

@@ -7,11 +7,11 @@
 
 namespace sightline {
 
-// All of them are empty where the diagnosis has nothing to say.
-// Explanations by probability, with fitted values, and which of them cannot be told apart.
+// All results are empty if the diagnosis has no data for them. ExplanationBlocks: explanations by
+// probability, with fitted values, and groups that the data cannot distinguish.
 ReportBlocks ExplanationBlocks(const DiagnosisView& view);
 ReportBlocks NextRecordingBlocks(const DiagnosisView& view);
-// Strength from which on each effect would have been seen.
+// Strength above which each effect would have been detected.
 ReportBlocks PowerBlocks(const DiagnosisView& view);
 
 }  // namespace sightline

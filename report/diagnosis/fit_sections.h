@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How well models fit: sections of a diagnosis's report.
+// Sections of a diagnosis's report on the quality of fits.
 #pragma once
 
 #include "report/diagnosis/diagnosis_view.h"
@@ -10,7 +10,7 @@ namespace sightline {
 // Chi squared by kind of observable and by recording, and the intensity error. Empty: no fits.
 ReportBlocks FitBlocks(const DiagnosisView& view);
 
-// The set-up's fitted deviations over their stated uncertainties. Empty: there are none.
+// Fitted deviations of the set-up over their stated uncertainties. Empty if there are none.
 ReportBlocks DeviationBlocks(const DiagnosisView& view);
 
 }  // namespace sightline

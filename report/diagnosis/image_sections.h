@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Recorded and expected images: sections of a diagnosis's report.
+// Sections of a diagnosis's report on recorded and expected images.
 #pragma once
 
 #include "report/diagnosis/diagnosis_view.h"
@@ -7,10 +7,10 @@
 
 namespace sightline {
 
-// Profiles across the line and what is left of them. Empty: there are none.
+// Profiles across the line and their residuals. Empty if there are none.
 ReportBlocks ProfileBlocks(const DiagnosisView& view);
 
-// Maps of standardised residuals beside the recording. Empty: there are none.
+// Maps of standardised residuals beside the recording. Empty if there are none.
 ReportBlocks RegionMapBlocks(const DiagnosisView& view);
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The term that the nominal description lacks: sections of a diagnosis's report.
+// Sections of a diagnosis's report on the term that the nominal description lacks.
 #pragma once
 
 #include "report/diagnosis/diagnosis_view.h"
@@ -7,7 +7,7 @@
 
 namespace sightline {
 
-// All of them are empty where the diagnosis has nothing to say.
+// All of them are empty if the diagnosis has no data for them.
 ReportBlocks StageBlocks(const DiagnosisView& view);
 ReportBlocks LawBlocks(const DiagnosisView& view);
 ReportBlocks FreeFormBlocks(const DiagnosisView& view);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whether the named model predicts recordings it was not fitted to.
+// Section on how well the selected model predicts recordings that it was not fitted to.
 #pragma once
 
 #include <string>
@@ -9,8 +9,8 @@
 
 namespace sightline {
 
-// `named_model`: the model of diagnosis.named_check in words; empty: it is the nominal one. Empty:
-// there was no check.
+// `named_model`: description of the model of diagnosis.named_check; empty: the nominal one. The
+// result is empty if there was no check.
 ReportBlocks PredictiveCheckBlocks(const v1::Diagnosis& diagnosis, const std::string& named_model);
 
 }  // namespace sightline

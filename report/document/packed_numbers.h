@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Long lists of numbers as bytes of a report (report_scene.proto).
+// Packs long lists of numbers into bytes of a report (report_scene.proto).
 #pragma once
 
 #include <cstdint>
@@ -11,9 +11,9 @@
 
 namespace sightline {
 
-// Differences to the number `stride` places before, modulo the number's size; the lowest bytes of
-// all differences, then the next ones; compressed by zlib. Neighbours in the list that are alike
-// cost few bytes.
+// Takes differences to the number `stride` positions before, modulo the number's size, stores the
+// lowest bytes of all differences, then the next ones, and compresses them with zlib. Similar
+// neighbours in the list cost few bytes.
 std::string PackNumbers(std::span<const uint8_t> numbers, size_t stride = 1);
 std::string PackNumbers(std::span<const uint16_t> numbers, size_t stride = 1);
 std::string PackNumbers(std::span<const uint32_t> numbers, size_t stride = 1);

@@ -20,7 +20,7 @@ namespace sightline {
 using ReportBlocks = std::vector<v1::ReportBlock>;
 using ReportCells = std::vector<v1::ReportCell>;
 
-// Stands for a value that is not known.
+// Placeholder for an unknown value.
 inline constexpr char kNoValue[] = "\u2013";
 
 v1::ReportRun PlainRun(const std::string& text);
@@ -29,7 +29,7 @@ v1::ReportRun CodeRun(const std::string& text);
 
 v1::ReportBlock ParagraphBlock(const std::vector<v1::ReportRun>& runs);
 v1::ReportBlock TextBlock(const std::string& text);
-// Explains what stands near it.
+// A remark that explains the blocks next to it.
 v1::ReportBlock RemarkBlock(const std::string& text);
 // Bullet points.
 v1::ReportBlock ListBlock(const std::vector<std::vector<v1::ReportRun>>& items);
@@ -37,21 +37,21 @@ v1::ReportBlock ListBlock(const std::vector<std::vector<v1::ReportRun>>& items);
 // A named value that is shown as `text`.
 v1::ReportFact TextFact(const std::string& name, const std::string& text,
                         const std::string& detail = "");
-// The same with its number in `unit`; a number that is not finite is left out.
+// The same with its number in `unit`, which is left out if it is not finite.
 v1::ReportFact NumberFact(const std::string& name, double number, const std::string& unit,
                           const std::string& text, const std::string& detail = "");
 v1::ReportFact CountFact(const std::string& name, int64_t count, const std::string& detail = "");
 v1::ReportBlock FactsBlock(const std::vector<v1::ReportFact>& facts);
 
 v1::ReportColumn WordsColumn(const std::string& name);
-// Empty `unit`: cells name their own, or there is none.
+// Empty `unit`: cells state their own, or there is none.
 v1::ReportColumn NumberColumn(const std::string& name, const std::string& unit = "");
-// Shares from 0 to 1, each drawn as a bar beside its text.
+// Fractions from 0 to 1, each drawn as a bar beside its text.
 v1::ReportColumn ShareColumn(const std::string& name);
 
 v1::ReportCell TextCell(const std::string& text, const std::string& detail = "");
 v1::ReportCell StrongCell(const std::string& text, const std::string& detail = "");
-// `number` in `unit` or, without one, in the unit of the column; not finite: it is left out.
+// `number` in `unit` or, if that is empty, in the unit of the column. It is left out if not finite.
 v1::ReportCell NumberCell(double number, const std::string& text, const std::string& unit = "",
                           const std::string& detail = "");
 v1::ReportCell CountCell(int64_t count);
@@ -59,9 +59,9 @@ v1::ReportCell CountCell(int64_t count);
 // unit without a prefix; fractions are in per cent.
 v1::ReportCell QuantityCell(const std::string& name, double value, int significant = 3,
                             const std::string& detail = "");
-// The same for what was set, shown by SettingText.
+// The same for a set value, shown by SettingText.
 v1::ReportCell SettingCell(const std::string& name, double value, const std::string& detail = "");
-// A probability or another share from 0 to 1 of a ShareColumn.
+// A probability or another fraction from 0 to 1 for a ShareColumn.
 v1::ReportCell ShareCell(double share, const std::string& text);
 
 // Every row needs as many cells as there are columns. `title` names the table to screen readers.
@@ -74,14 +74,14 @@ v1::ReportBlock ChartBlock(v1::ReportChart chart);
 
 // Blocks side by side.
 v1::ReportBlock GroupBlock(v1::ReportGroup::Layout layout, ReportBlocks blocks);
-// Blocks one below the other under a heading; with a frame around them.
+// Blocks one below the other under a heading and inside a frame.
 v1::ReportBlock TitledBlock(const std::string& title, ReportBlocks blocks);
 v1::ReportBlock CardBlock(const std::string& title, const std::string& subtitle,
                           ReportBlocks blocks);
-// Only the title shows until it is opened.
+// Only the title is visible until the reader opens the block.
 v1::ReportBlock FoldedBlock(const std::string& title, ReportBlocks blocks);
 
-// Adds a section unless it would be empty. `id` is unique in the report.
+// Adds a section unless it is empty. `id` is unique in the report.
 void AddSection(v1::Report* report, const std::string& id, const std::string& title,
                 ReportBlocks blocks);
 

@@ -9,7 +9,7 @@
 
 namespace sightline {
 
-// A series without points. `name` stands in the key of the chart; empty: it has no entry.
+// A series without points. `name` is its entry in the chart's key; empty: no entry.
 v1::ReportSeries EmptySeries(const std::string& name, v1::ReportColour colour,
                              v1::ReportSeries::Mark mark);
 // `x` and `y` are of equal length; values that are not finite leave a gap.
@@ -18,18 +18,18 @@ v1::ReportSeries SeriesOf(const std::string& name, v1::ReportColour colour,
                           const std::vector<double>& y);
 
 void AddPoint(double x, double y, v1::ReportSeries* series);
-// `note` is shown on pointing at it.
+// `note` is shown when the reader points at the point.
 void AddPoint(double x, double y, const std::string& note, v1::ReportSeries* series);
 
-// A band of y +- `half_widths` around the points there are, named `name` in the key. Nothing
-// without widths.
+// Adds a band of y +- `half_widths` around the existing points, named `name` in the key. Does
+// nothing without widths.
 void AddBand(const std::string& name, const std::vector<double>& half_widths,
              v1::ReportSeries* series);
 
 v1::ReportAxis AxisOf(const std::string& title, const std::string& unit, bool logarithmic = false);
 
-// A line from left to right at a value of y; from bottom to top at a value of x. `name` stands in
-// the key.
+// Adds a horizontal line at a value of y, or a vertical line at a value of x. `name` is its entry
+// in the key.
 void AddLineAtY(double y, v1::ReportChart* chart, const std::string& name = "");
 void AddLineAtX(double x, v1::ReportChart* chart, const std::string& name = "");
 

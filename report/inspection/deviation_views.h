@@ -19,13 +19,13 @@ struct SurfaceDeviations {
   double scale_m = 1e-4;            // > 0; the ends of the colour scale are at plus and minus this
 };
 
-// Red, green and blue of a deviation: blue inside, grey at 0, red outside; beyond the scale as at
-// its ends.
+// Red, green and blue for a deviation: blue inside, grey at 0, red outside. Values beyond the scale
+// are clamped to its ends.
 std::array<uint8_t, 3> DeviationColour(double deviation_m, double scale_m);
 
-// The scale of colours and six pictures. Of surfaces one behind the other the nearer covers the
-// farther, as far as dots do. Hollow dots were not measured. Nothing without targets. INTERNAL: a
-// picture cannot be encoded.
+// The colour scale and six pictures. Nearer surfaces cover farther ones, as far as dots can.
+// Hollow dots mark unmeasured targets. Empty without targets. INTERNAL: a picture cannot be
+// encoded.
 absl::StatusOr<ReportBlocks> DeviationViews(const SurfaceDeviations& surface);
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The report of a measured part: verdicts, the surface coloured by deviation, what was measured.
+// The report of a measured part: verdicts, the surface coloured by deviation, measured data.
 #pragma once
 
 #include "absl/status/statusor.h"

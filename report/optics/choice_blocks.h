@@ -11,13 +11,13 @@
 
 namespace sightline {
 
-// Intervals in words; empty where they are not known.
+// Text of an interval; empty if it is unknown.
 std::string UPxInterval(const v1::OpticsPoint& point);
 std::string RealUPxInterval(const v1::OpticsPoint& point);
 std::string CoverageInterval(const v1::OpticsPoint& point);
 std::string CostInterval(const v1::OpticsPoint& point);
 
-// All of them are empty where the plan has nothing to say.
+// All of them are empty if the plan has no data for them.
 ReportBlocks CurveTableBlocks(const OpticsCurve& curve);
 ReportBlocks AlternativeBlocks(const v1::OpticsPlan& optics, const v1::OpticsPoint* best);
 ReportBlocks ScanSettingBlocks(const v1::OpticsPlan& optics, const v1::OpticsPoint* best);

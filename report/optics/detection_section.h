@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sections of the optical report about what planning of the geometry takes from it.
+// Sections of the optical report on results that geometry planning uses.
 #pragma once
 
 #include "report/document/report_parts.h"
@@ -7,11 +7,11 @@
 
 namespace sightline {
 
-// The learned u over distance and angle of incidence, with its relative standard errors, as a
-// table. Empty: nothing was learned.
+// Table of the learned u over distance and angle of incidence, with relative standard errors. Empty
+// if no detection was learned.
 ReportBlocks DetectionBlocks(const v1::OpticsChoice& choice);
 
-// Geometry and setting planned in turn, a line per round. Empty: there was no such planning.
+// Alternating rounds of planning geometry and setting, one line each. Empty without such rounds.
 ReportBlocks RoundBlocks(const v1::OpticsPlan& optics);
 
 }  // namespace sightline

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Charts of an optical plan: what every f-number can do (thesis, Figs. 6.10 and 6.12 to 6.14), and
-// cost against exposure time.
+// Charts of an optical plan: the performance of each f-number (thesis, Figs. 6.10 and 6.12 to
+// 6.14), and cost against exposure time.
 #pragma once
 
 #include <vector>
@@ -16,13 +16,13 @@ struct OpticsCurve {
   double longest_exposure_time_s = 0;          // 0: no limit
 };
 
-// The point is the best one of the curve, or cannot be told apart from it.
+// True if the point is the best one of the curve, or indistinguishable from it.
 bool AsGoodAsBest(const OpticsCurve& curve, const v1::OpticsPoint& point);
 
 // Empty without points.
 ReportBlocks FNumberBlocks(const OpticsCurve& curve);
 
-// Empty if no exposure times were kept. Of more than 12 f-numbers it draws 12.
+// Empty if no exposure times were stored. Draws at most 12 f-numbers.
 ReportBlocks ExposureBlocks(const OpticsCurve& curve);
 
 }  // namespace sightline

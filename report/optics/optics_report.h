@@ -11,8 +11,8 @@
 
 namespace sightline {
 
-// A part that the plan does not hold has no section; the same data give the same report. `devices`:
-// the combinations of the catalogue it was chosen from; null: there was no catalogue.
+// Parts that the plan does not contain have no section; the same data give the same report.
+// `devices`: combinations of the catalogue that the plan was chosen from; null without a catalogue.
 v1::Report OpticsReport(const v1::OpticsPlan& optics, const v1::DeviceChoice* devices);
 
 // The page and its data beside it (WriteReport). Error: a file cannot be written.

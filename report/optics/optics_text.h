@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Optical settings and what they achieve, in words.
+// Text of optical settings and their results.
 #pragma once
 
 #include <limits>
@@ -10,28 +10,28 @@
 
 namespace sightline {
 
-// Stands for a number that is not known. Texts show it as a dash, charts leave it out.
+// Placeholder for an unknown number. Texts show it as a dash, charts leave it out.
 inline constexpr double kNoNumber = std::numeric_limits<double>::quiet_NaN();
 
-// All of it, also of points that state the main three only.
+// The complete setting, also for points that state only the main three values.
 v1::OpticalSetting SettingOf(const v1::OpticsPoint& point);
 
 // "f/2.8": text, not escaped.
 std::string FNumberText(double f_number);
 
-// "f/2.8, 9 ms, focus 600 mm, laser 5 mW": what is set, as far as it is stated. Text, not escaped.
+// "f/2.8, 9 ms, focus 600 mm, laser 5 mW": the stated values. Text, not escaped.
 std::string SettingWords(const v1::OpticsPoint& point);
 
-// "sensor tilted by 2.1° about its rows", and about its columns; empty: it is not tilted.
+// "sensor tilted by 2.1° about its rows", and likewise for its columns; empty without tilt.
 std::string TiltWords(const v1::OpticalSetting& setting);
 
-// "97.3 %": a share from 0 to 1. Only 0 and 1 themselves are "0 %" and "100 %".
+// "97.3 %" for a fraction from 0 to 1. Only exactly 0 and 1 give "0 %" and "100 %".
 std::string ShareText(double share);
 
-// The same as a cell, its number in per cent.
+// The same as a cell with its number in per cent.
 v1::ReportCell ShareOfLineCell(double share);
 
-// u_px and the real one; NaN where no point was detected, or where it is not known.
+// u_px, and that of the real camera; NaN if unknown or if no point was detected.
 double UPx(const v1::OpticsPoint& point);
 double ExpectedRealUPx(const v1::OpticsPoint& point);
 

@@ -6,10 +6,10 @@
 
 namespace sightline {
 
-absl::string_view ScenePage();       // scene.html, with {{NAME}} where the script goes
+absl::string_view ScenePage();       // scene.html, with {{NAME}} marks for the script
 absl::string_view SceneStyle();      // scene.css
 absl::string_view SceneScript();     // viewer.js and three, bundled and minified
-absl::string_view DocumentPage();    // document/page.html, with {{NAME}} where data go
+absl::string_view DocumentPage();    // document/page.html, with {{NAME}} marks for data
 absl::string_view DocumentStyle();   // document/document.css
 absl::string_view DocumentScript();  // document/main.ts, bundled and minified
 

@@ -9,16 +9,16 @@
 
 namespace sightline {
 
-// Safe as text and inside quoted attributes.
+// Escapes text for element content and quoted attributes.
 std::string EscapeHtml(absl::string_view text);
 
 // "20 134": digits in groups of three, separated by narrow no-break spaces.
 std::string GroupedInteger(int64_t value);
 
-// JSON text without white space between its tokens.
+// Removes white space between the tokens of a JSON text.
 std::string CompactJson(absl::string_view json);
 
-// JSON text that may stand inside a script element: "<" becomes "\u003c".
+// Makes a JSON text safe inside a script element: "<" becomes "\u003c".
 std::string JsonForScript(absl::string_view json);
 
 }  // namespace sightline

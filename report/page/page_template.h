@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pages with places to fill.
+// Page templates with placeholders.
 #pragma once
 
 #include <string>
@@ -10,8 +10,8 @@
 
 namespace sightline {
 
-// Replaces {{NAME}} marks in one pass: what is put in is not searched again. Marks without a value
-// vanish.
+// Replaces {{NAME}} marks in one pass, so that marks inside inserted texts stay. Marks without a
+// value are removed.
 std::string FillTemplate(absl::string_view text,
                          const std::vector<std::pair<absl::string_view, std::string>>& values);
 

@@ -8,8 +8,8 @@
 
 namespace sightline {
 
-// One header row, one row per scan in plan order, RFC 4180 with LF line ends. Every column's unit
-// is in its name. Numbers are the shortest decimals that read back as the same doubles.
+// One header row, then one row per scan in plan order; RFC 4180 with LF line ends. Every column's
+// name ends in its unit. Numbers are the shortest decimals that read back as the same doubles.
 std::string PlanCsv(const v1::Plan& plan);
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Part, targets and scans as the viewer shows them in three dimensions.
+// Part, targets and scans for the viewer's 3-D scene.
 #pragma once
 
 #include <vector>
@@ -11,7 +11,7 @@
 
 namespace sightline {
 
-// `regions` are those that rows of the report refer to.
+// `regions`: those that rows of the report refer to.
 v1::ReportScene PlanScene(const ReportData& data, const DisplayMesh& mesh,
                           const std::vector<UncoveredRegion>& regions);
 

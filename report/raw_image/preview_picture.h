@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A raw image as people can look at it. Raw numbers of a laser line are dark on a screen: a few
-// bright pixels take the scale.
+// Makes raw images visible. On a screen raw values of a laser line look dark, since a few bright
+// pixels determine the scale.
 #pragma once
 
 #include <string>

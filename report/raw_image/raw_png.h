@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// PNG files: raw numbers of sensors in, pictures for screens out.
+// Reads raw sensor values from PNG files, and writes pictures for screens.
 #pragma once
 
 #include <cstdint>
@@ -20,12 +20,12 @@ struct RawPng {
   }
 };
 
-// A greyscale image as core/image reads it. INTERNAL names the file without its folder: it is none,
-// is damaged, or has more than `max_pixels`.
+// Reads a greyscale image as core/image does. INTERNAL names the file without its folder if it is
+// no such image, is damaged, or has more than `max_pixels`.
 absl::StatusOr<RawPng> ReadRawPng(const std::string& file, uint64_t max_pixels);
 
 // 8-bit PNG of grey or red, green, blue values, row by row; `description` (may be empty) becomes
-// its text "Description". INTERNAL: it cannot be made.
+// its text "Description". INTERNAL if encoding fails.
 absl::StatusOr<std::string> EncodePng(const std::vector<uint8_t>& values, int columns_px,
                                       int rows_px, bool colour,
                                       const std::string& description = "");

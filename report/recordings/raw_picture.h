@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Raw images made visible.
+// Shows raw images of recordings.
 #pragma once
 
 #include <string>
 
 namespace sightline {
 
-// The recording at `folder`/`file` (16-bit greyscale PNG) as an 8-bit PNG of at most 640 columns,
-// scaled so that its dark level is black and its brightest parts are white; square root of the
-// signal, so that faint light shows. Empty if there is no such PNG, it is no plain image, or `file`
-// leads out of the folder: a report is complete without it.
+// The recording at `folder`/`file` (16-bit greyscale PNG) as an 8-bit PNG of at most 640 columns.
+// Its dark level is black and its brightest parts are white; a square root makes faint light
+// visible. Empty if there is no such PNG, if it is not a plain image, or if `file` leads out of the
+// folder, since a report is complete without it.
 std::string RawPicturePng(const std::string& folder, const std::string& file);
 
 }  // namespace sightline

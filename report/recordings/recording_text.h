@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A recording's setup in words.
+// Text of a recording's set-up.
 #pragma once
 
 #include <string>
@@ -8,11 +8,11 @@
 
 namespace sightline {
 
-// "f/8, 5.1 ms, camera 366 mm, focus 300 mm": what is set, as far as it is stated. Dark frames:
-// "dark, 20 ms". Text, not escaped.
+// "f/8, 5.1 ms, camera 366 mm, focus 300 mm": the stated values. Dark frames: "dark, 20 ms". Text,
+// not escaped.
 std::string RecordingSetup(const v1::Recording& recording);
 
-// "Recording 17 (aperture)"; without a description of it: "Recording 17".
+// "Recording 17 (aperture)", or "Recording 17" if it has no description.
 std::string RecordingTitle(int index, const v1::Recording* recording);
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Charts of a camera's diagnosis: photon transfer, linearity, noise, and curves of what was found.
+// Charts of a camera's diagnosis: photon transfer, linearity, noise, and curves of departures.
 #pragma once
 
 #include "report/document/report_parts.h"

@@ -11,7 +11,7 @@
 
 namespace sightline {
 
-// A part that the diagnosis does not hold has no section. The same data give the same report.
+// Parts that the diagnosis does not contain have no section. The same data give the same report.
 // INVALID_ARGUMENT names a curve whose lists differ in size.
 absl::StatusOr<v1::Report> SensorReport(const v1::SensorDiagnosis& diagnosis);
 

@@ -15,13 +15,13 @@ struct SensorView {
 
   const v1::SensorDiagnosis& diagnosis;
   std::vector<const v1::SensorDeparture*> found, absent, not_testable;
-  // Steps below saturation with a finite signal, by their signal; and those above.
+  // Steps below saturation with a finite signal, sorted by signal; and saturated steps.
   std::vector<const v1::PhotonTransferPoint*> points, saturated;
-  bool has_model = false;  // some departure was found
+  bool has_model = false;  // a departure was found
 };
 
-// Value of a quantity or parameter as people write it: "e-" and "DN^2" with their signs, plain
-// fractions in per cent.
+// Readable unit of a quantity or parameter: "e-" and "DN^2" with their signs, plain fractions in
+// per cent.
 struct SensorUnit {
   double per_named = 1;
   std::string name;  // without a space before it

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Why toleranced surface is not known well enough: what limits the uncertainty of its targets.
+// Causes of insufficient knowledge of a toleranced surface: the limits on its targets' uncertainty.
 #pragma once
 
 #include <cstdint>
@@ -13,22 +13,22 @@
 
 namespace sightline {
 
-// The limit of each toleranced target whose uncertainty is above the admissible one, UNSPECIFIED of
-// the others. `points`: measured points within the neighbourhood of each target. The largest part
-// of u decides; noise is taken apart further by comparison with the medians of the covered targets
-// of the same region of interest that are known well enough, if there are such (regions may differ
-// in resolution). u^2 of noise goes with the points' variance over their number, so of the factors
-//   (number there) / (number here), (variance here) / (there), (admissible u^2 there) / (here)
-// the largest is named.
-// `regions`: of each target, -1 for none.
+// Limit of each toleranced target whose uncertainty exceeds the admissible one; UNSPECIFIED for all
+// others. `points`: measured points within the neighbourhood of each target. The largest component
+// of u determines the limit. Noise is analysed further by comparison with the medians of covered
+// targets with admissible uncertainty in the same region of interest, if any (regions may differ in
+// resolution). Since u^2 of noise is proportional to the points' variance over their number, the
+// limit is the largest of the factors
+//   (number there) / (number here), (variance here) / (there), (admissible u^2 there) / (here).
+// `regions`: region of each target, -1 for none.
 std::vector<v1::UncertaintyLimit> UncertaintyLimits(const TargetUncertainties& uncertainties,
                                                     const TargetBits& measurable,
                                                     const TargetBits& covered,
                                                     std::span<const int32_t> points,
                                                     std::span<const int32_t> regions);
 
-// Targets by what limits them (TargetUncertainties::limits), most frequent first, with the median
-// of u over the admissible one.
+// Counts targets by their limit (TargetUncertainties::limits), most frequent first, with the median
+// ratio of u to the admissible uncertainty.
 std::vector<v1::InadmissibleCount> CountInadmissible(const TargetUncertainties& uncertainties);
 
 // "errors of calibration", and "a better calibration".

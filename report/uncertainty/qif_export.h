@@ -43,13 +43,13 @@
 
 namespace sightline {
 
-// `tolerances`: those of the drawing; one whose id is that of a feature of plan.uncertainty gives
-// the limits, zone shape, datums and modifiers that a plan does not hold. The same input gives the
-// same bytes. A plan for coverage has the whole surface as its one feature, and no characteristics.
-// Numbers that are not finite, and texts that XML cannot hold, are left out or replaced.
-// INVALID_ARGUMENT for a plan without scans and features.
-// `measured`: values of the features of plan.uncertainty, equally many in the same order; null:
-// none.
+// `tolerances`: those of the drawing. One with the id of a feature of plan.uncertainty
+// supplies the limits, zone shape, datums and modifiers that a plan does not contain. The
+// same input gives the same bytes. A plan for coverage has the whole surface as its one
+// feature, and no characteristics. Numbers that are not finite, and texts that XML cannot
+// contain, are left out or replaced. INVALID_ARGUMENT for a plan without scans and features.
+// `measured`: values of the features of plan.uncertainty, in the same number and order; may
+// be null.
 absl::StatusOr<std::string> QifDocument(const v1::Plan& plan, const std::string& part_name,
                                         std::span<const Tolerance> tolerances = {},
                                         const v1::InspectionResult* measured = nullptr);

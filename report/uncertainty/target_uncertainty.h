@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How well a plan makes each target known, as values that reports and files show.
+// Uncertainty of each target after a plan, as values for reports and files.
 #pragma once
 
 #include <Eigen/Core>
@@ -13,38 +13,38 @@
 
 namespace sightline {
 
-// Standard uncertainty by which single points of one scan are known along the surface's normal,
-// before anything is inferred from several points (sensitivity map, thesis Fig. 3.5). Structure of
-// arrays; part coordinates.
+// Standard uncertainty of single points of one scan along the surface's normal, before any
+// inference from several points (sensitivity map, thesis Fig. 3.5). Structure of arrays; part
+// coordinates.
 struct ScanSensitivityMap {
   std::vector<Eigen::Vector3f> positions_m;
   std::vector<float> detection_m;
   std::vector<float> calibration_m;  // empty: no calibration errors
 };
 
-// After all scans of a plan, one entry per target and array. The parts are those of
-// SurfaceUncertainty: total^2 = noise^2 + sampling^2 + calibration^2 + registration^2. Finite, >=
-// 0.
+// Values after all scans of a plan, one element per target in each array. The components are those
+// of SurfaceUncertainty: total^2 = noise^2 + sampling^2 + calibration^2 + registration^2. Finite,
+// >= 0.
 struct TargetUncertainties {
   std::vector<double> total_m, noise_m, sampling_m, calibration_m;
   std::vector<double> registration_m;  // empty: no set-ups are joined
   std::vector<double> admissible_m;    // 0: no tolerance binds the target
   double relaxed_m = 0;                // 0: none
-  // The limit of each target that is not admissible (inadmissible.h); empty: not told apart.
+  // The limit of each target that is not admissible (inadmissible.h); empty: unknown.
   std::vector<v1::UncertaintyLimit> limits;
-  // Only where they are to be shown: one per scan of the plan, empty maps for scans without.
+  // Optional: one map per scan of the plan, empty for scans without.
   std::vector<ScanSensitivityMap> scan_sensitivities;
-  // Only where features are to be pointed at: targets of each feature of plan.uncertainty.
+  // Optional: targets of each feature of plan.uncertainty, to highlight them.
   std::vector<std::vector<uint32_t>> feature_targets;
 };
 
-// Numbers are those of files and of the report's viewer.
+// The numbers are those in files and in the report's viewer.
 enum class UncertaintyClass : uint8_t {
   kAdmissible = 0,     // u <= admissible uncertainty
   kRelaxed = 1,        // above it, u <= relaxed uncertainty
   kNotReached = 2,     // above both
   kNotToleranced = 3,  // measurable, but no tolerance binds it
-  kNotMeasurable = 4,  // by no scan whatever
+  kNotMeasurable = 4,  // not measurable by any scan
 };
 inline constexpr int kUncertaintyClasses = 5;
 
@@ -53,7 +53,7 @@ UncertaintyClass ClassOfTarget(const TargetUncertainties& uncertainties,
 
 enum class UncertaintyPart : uint8_t { kNoise, kSampling, kCalibration, kRegistration };
 
-// The largest; of equal ones the first.
+// The largest component; the first one if several are equal.
 UncertaintyPart DominatingPart(const TargetUncertainties& uncertainties, size_t target);
 
 // INVALID_ARGUMENT names `context`, the field, its size or value, and what is allowed. `scans` and

@@ -28,12 +28,12 @@ struct CovarianceEllipsoid {
 
 inline constexpr size_t kMostEllipsoids = 20'000;
 
-// A closed mesh of 32 triangles per point, the image of a sphere under `scale` times the root of
-// its covariance: at scale 1 the vertices lie one standard deviation along their directions from
-// the point. Micrometres do not show on a part of centimetres, so that `scale`, in (0, 1e6], is
-// written into the file's comments. Each vertex has x, y, z and largest_m, the standard deviation
-// along the longest axis. INVALID_ARGUMENT names the ellipsoid and its field, also for more than
-// kMostEllipsoids.
+// A closed mesh of 32 triangles per point, the image of a sphere under `scale` times the square
+// root of its covariance: at scale 1 the vertices are one standard deviation from the point along
+// their directions. Micrometres are invisible on a part of centimetres, so `scale`, in (0, 1e6], is
+// recorded in the file's comments. Each vertex has x, y, z and largest_m, the standard deviation
+// along the longest axis. INVALID_ARGUMENT names the ellipsoid and its field; it is also returned
+// for more than kMostEllipsoids.
 absl::StatusOr<std::string> CovarianceEllipsoidsPly(std::span<const CovarianceEllipsoid> ellipsoids,
                                                     double scale);
 

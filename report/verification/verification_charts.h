@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Charts of a verification: how its four quantities depend on the set-up (thesis, chapter 5), and
-// the profiles of a recording.
+// Charts of a verification: dependence of its four quantities on the set-up (thesis, chapter 5),
+// and the profiles of a recording.
 #pragma once
 
 #include <limits>
@@ -12,21 +12,22 @@
 
 namespace sightline {
 
-// An unset value is no number (NaN): charts leave it out, texts show a dash.
+// The value, or NaN if it is unset: charts leave it out, texts show a dash.
 double IntensityError(const v1::ChannelVerification& channel);
 double ScatterError(const v1::ChannelVerification& channel);
 double RecordedScatterPx(const v1::ChannelVerification& channel);
 double SimulatedScatterPx(const v1::ChannelVerification& channel);
 
-// The set-up of a recording in words.
+// Text of a recording's set-up.
 std::string VerifiedSetup(const v1::RecordingVerification& recording);
 
-// Four charts for each quantity of chapter 5, one for each abscissa; `channels` are those that
-// occur.
+// Four charts for each quantity of chapter 5, one per abscissa; `channels`: the existing
+// ones.
 ReportBlocks DependenceBlocks(const v1::Verification& verification,
                               const std::vector<std::string>& channels);
 
-// Recorded and simulated profiles of all channels about the line. Without series: there are none.
+// Recorded and simulated profiles of all channels around the line; without series if there are
+// none.
 v1::ReportChart ProfileChart(const v1::RecordingVerification& recording);
 
 }  // namespace sightline

@@ -11,9 +11,9 @@
 
 namespace sightline {
 
-// Pose with uncertainty, what the points do not fix, deviations as a histogram and on the part, and
-// what changed. `scans`: of the plan. `for_uncertainty`: whether satisfied means known admissibly,
-// else covered. Errors as DeviationViews.
+// Pose with uncertainty, degrees of freedom that the points leave open, deviations as a histogram
+// and on the part, and changes of the plan. `scans`: of the plan. `for_uncertainty`: satisfied
+// targets have an admissible uncertainty; otherwise they are covered. Errors as DeviationViews.
 absl::StatusOr<ReportBlocks> AsMeasuredBlocks(const v1::AsMeasured& found, int scans,
                                               bool for_uncertainty,
                                               std::span<const ReportDeviation> deviations);

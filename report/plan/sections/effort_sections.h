@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Costs of a plan: to execute, to compute, and with other strategies.
+// Effort of a plan: its execution, its computation, and the comparison with other strategies.
 #pragma once
 
 #include "report/document/report_parts.h"

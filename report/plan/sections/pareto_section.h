@@ -11,7 +11,7 @@ namespace sightline {
 // number of scans, dominated plans faint, the chosen point in a ring.
 v1::ReportChart ParetoChart(const v1::ParetoFront& front);
 
-// Chart, table of the points and how to take another one.
+// Chart, table of the points and instructions to choose another one.
 ReportBlocks ParetoBlocks(const v1::ParetoFront& front);
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How the report of a plan words numbers, and cells and facts with such numbers.
+// Text, cells and facts for the numbers of a plan's report.
 #pragma once
 
 #include <cstdint>
@@ -13,10 +13,10 @@ namespace sightline {
 
 std::string Percent(double fraction, int decimals = 1);
 
-// As it was stated: "95 %", "97.5 %".
+// The goal with as many decimals as stated: "95 %", "97.5 %".
 std::string GoalText(double fraction);
 
-// Without the unit.
+// Length in millimetres, without the unit.
 std::string Millimetres(double length_m, int decimals = 1);
 
 // "3.21 s", "14 min 02 s".
@@ -25,7 +25,7 @@ std::string SecondsText(double seconds);
 // "1 scan", "17 scans".
 std::string CountText(int64_t count, absl::string_view noun);
 
-// So many decimals of a number in the unit of its column.
+// A number in the unit of its column with `decimals` decimals.
 v1::ReportCell FixedCell(double value, int decimals);
 // A length in millimetres, in a column of this unit.
 v1::ReportCell MillimetreCell(double length_m, int decimals = 1);
@@ -36,12 +36,12 @@ v1::ReportFact SecondsFact(const std::string& name, double seconds);
 v1::ReportFact PercentFact(const std::string& name, double fraction, int decimals = 1,
                            const std::string& detail = "");
 
-// Choosing the row shows this in the scene. Positions count from 0.
+// Selecting the row shows this object in the scene. Positions count from 0.
 void ShowScan(int scan, v1::ReportRow* row);
 void ShowUnmeasuredRegion(int region, v1::ReportRow* row);
 void ShowFeature(int feature, v1::ReportRow* row);
 
-// Why the search ended: "the goal was reached".
+// Reason why the search ended: "the goal was reached".
 std::string StopWords(v1::Plan::StopReason reason);
 
 bool GoalReached(const v1::PlanCoverage& coverage);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How finely and under which angles each scan measures.
+// Section on the resolution and the angles of each scan.
 #pragma once
 
 #include "report/document/report_parts.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The report's section about why places are not measured.
+// Section on the reasons why parts of the surface are not measured.
 #pragma once
 
 #include <cstdint>
@@ -15,7 +15,7 @@ namespace sightline {
 // Empty if no reasons are known or all targets are covered.
 ReportBlocks ReasonsBlocks(const ReportData& data);
 
-// "hidden by the part itself (12), not chosen (3)" of some targets; empty without reasons.
+// "hidden by the part itself (12), not chosen (3)" for given targets; empty without reasons.
 std::string ReasonsOf(const ReportData& data, const std::vector<uint32_t>& targets);
 
 // Reasons of the targets that count as not measurable.

@@ -41,7 +41,7 @@ struct StrategyComparison {
     double median = 0;
     int min = 0;
     int max = 0;
-    int seeds_reached = 0;  // 0: the other fields mean nothing
+    int seeds_reached = 0;  // 0: the other fields are undefined
   };
   std::string strategy;
   int seeds = 0;
@@ -67,7 +67,7 @@ struct ReportObstacle {
   std::shared_ptr<const TriangleMesh> mesh;  // in coordinates of its frame
 };
 
-// The plan's index, poses and numbers are taken as they are.
+// The plan's index, poses and numbers are used unchanged.
 struct ReportData {
   v1::Plan plan;
   v1::PartHealth health;
@@ -80,20 +80,20 @@ struct ReportData {
   std::vector<ReportScan> scans;  // in the order of plan.scans
   std::string measurability_png;  // empty: none
   std::string coverage_png;       // after the last scan; empty: none
-  // A picture for each of plan.resting_faces, seen square-on from outside; or no picture at all.
+  // A picture for each of plan.resting_faces, seen square-on from outside; or empty.
   std::vector<std::string> face_pictures_png;
   bool one_housing = false;  // camera and laser are moved as one
-  // Why targets are not covered, one per target; empty: not known.
+  // Reasons why targets are not covered, one per target; empty: unknown.
   std::vector<TargetReason> reasons;
   std::optional<ExposureLimits> permitted_exposures;  // unset: light limits no target
-  // In the order that `reasons` counts them.
+  // In the order of the indices in `reasons`.
   std::vector<ReportObstacle> obstacles;
   std::vector<NamedTiming> timings;
   std::optional<ComparisonTable> comparison;
-  std::optional<v1::ParetoFront> pareto;  // of which the plan is a point
-  // Plans for uncertainty: shown on the part. The numbers of plan.uncertainty are always shown.
+  std::optional<v1::ParetoFront> pareto;  // the front that contains the plan
+  // Only for plans for uncertainty: values shown on the part. plan.uncertainty is always shown.
   std::optional<TargetUncertainties> uncertainty;
-  // Plans with plan.as_measured have these.
+  // Only for plans with plan.as_measured.
   std::vector<ReportDeviation> deviations;
   std::optional<ReportRobot> robot;
   std::vector<std::string> notes;
@@ -102,10 +102,10 @@ struct ReportData {
   std::string set_up_sheet;  // file beside the report; empty: none
 };
 
-// INVALID_ARGUMENT names the field whose size does not fit: scans (also of the robot) against
-// plan.scans, bit sets, depths, reasons and uncertainties against targets, poses of other than 16
-// numbers; and uncertainties that are negative or not finite. Needs at least one target and one
-// triangle; scans may be none.
+// INVALID_ARGUMENT names the field whose size does not agree: scans (also of the robot) with
+// plan.scans; bit sets, depths, reasons and uncertainties with targets; poses without 16 numbers.
+// It is also returned for uncertainties that are negative or not finite. Needs at least one target
+// and one triangle; scans may be empty.
 absl::Status CheckReportData(const ReportData& data);
 
 }  // namespace sightline

@@ -15,7 +15,7 @@ namespace sightline {
 // A solid of the robot in a frame of its own; exactly one of the three is given.
 struct ReportSolid {
   Eigen::Vector3d box_m = Eigen::Vector3d::Zero();  // full edge lengths
-  // Axis along z, origin in the middle; of no length: a sphere.
+  // Cylinder along z with the origin in the middle; a length of 0 means a sphere.
   double radius_m = 0, length_m = 0;
   std::vector<std::array<Eigen::Vector3f, 3>> triangles_m;
 };
@@ -28,15 +28,15 @@ struct ReportRobot {
   };
   std::vector<Joint> joints;
   std::vector<ReportSolid> solids;
-  // The solids' poses of a scan at its start and at its end, part coordinates with the stage
-  // where it is then; none if the robot cannot make it.
+  // Poses of the solids at the start and at the end of a scan, in part coordinates at the current
+  // stage position; none if the robot cannot make it.
   struct ScanPoses {
     std::vector<Eigen::Isometry3d> start, end;
   };
   std::vector<ScanPoses> scans;
 };
 
-// Joint positions and times, and what cannot be reached and why. Needs one entry of robot.scans and
+// Joint positions and times, and unreachable scans with reasons. Needs one entry of robot.scans and
 // one RobotScan per scan of the plan.
 ReportBlocks RobotBlocks(const v1::Plan& plan, const ReportRobot& robot);
 

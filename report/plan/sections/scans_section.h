@@ -7,7 +7,7 @@
 
 namespace sightline {
 
-// A row per scan: picture, nine parameters, travel, and what it measures.
+// One row per scan: picture, nine parameters, travel, and measured targets.
 ReportBlocks ScansBlocks(const ReportData& data);
 
 }  // namespace sightline

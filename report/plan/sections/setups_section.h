@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Set-ups of a plan, and how the part lies in each scan.
+// Section on the set-ups of a plan and the pose of the part in each scan.
 #pragma once
 
 #include <string>
@@ -10,8 +10,8 @@
 
 namespace sightline {
 
-// Set-ups in order, excluded faces, the resting faces, and remarks on scans. Empty without all of
-// them. `face_pictures_png`: as in ReportData.
+// Set-ups in order, excluded faces, the resting faces, and remarks on scans. Empty if the plan has
+// none of them. `face_pictures_png`: as in ReportData.
 ReportBlocks SetupsBlocks(const v1::Plan& plan, const std::vector<std::string>& face_pictures_png);
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The part and its surface: what stays unmeasured, what can be measured at all.
+// Sections on the part and its surface: unmeasured and unmeasurable regions.
 #pragma once
 
 #include <cstddef>
@@ -12,7 +12,7 @@
 
 namespace sightline {
 
-// `regions`: those to be listed, of `region_count`; `uncovered`: measurable targets in all of them.
+// `regions`: the listed ones of `region_count`; `uncovered`: measurable targets in all of them.
 ReportBlocks UncoveredBlocks(const ReportData& data, const std::vector<UncoveredRegion>& regions,
                              size_t region_count, int64_t uncovered);
 

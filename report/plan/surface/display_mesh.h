@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A part's mesh made fit for colouring in a browser.
+// Prepares a part's mesh for colouring in a browser.
 #pragma once
 
 #include <Eigen/Core>
@@ -12,7 +12,7 @@
 
 namespace sightline {
 
-// Vertices are split where the surface has an edge, so each has one normal. Metres, part
+// Vertices are split at sharp edges, so that each has one normal. Metres, part
 // coordinates.
 struct DisplayMesh {
   std::vector<Eigen::Vector3f> positions_m;
@@ -24,14 +24,14 @@ struct DisplayMesh {
   bool simplified = false;
 };
 
-// Halves edges longer than `max_edge_m` until none is left: CAD tessellations have triangles as
-// long as the part, too coarse to carry colours. Neighbours stay joined without gaps. The first
-// vertices are those of `mesh`.
+// Halves edges until none is longer than `max_edge_m`: the triangles of CAD tessellations can be as
+// long as the part, too coarse for colours. Neighbours stay joined without gaps. The vertices of
+// `mesh` come first.
 TriangleMesh SubdivideLongEdges(const TriangleMesh& mesh, double max_edge_m);
 
-// Larger meshes than `max_triangles` (> 0) are simplified, all are refined towards the spacing of
-// the targets as far as that budget allows (a mesh that resists simplification may exceed it). A
-// vertex's nearest target is looked for on surface that faces the same way.
+// Meshes with more than `max_triangles` (> 0) are simplified. All meshes are refined towards the
+// spacing of the targets within that budget (a mesh that resists simplification may exceed it). The
+// nearest target of a vertex must lie on a surface that faces the same way.
 DisplayMesh MakeDisplayMesh(const TriangleMesh& mesh, const TargetSet& targets, double spacing_m,
                             size_t max_triangles);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reasons why targets are not covered, counted and in words.
+// Counts and texts of reasons why targets are not covered.
 #pragma once
 
 #include <optional>
@@ -13,14 +13,14 @@
 
 namespace sightline {
 
-// Counts the reasons of `targets`; covered ones (reason unspecified) are left out. Measurable
-// targets first, then the most frequent reason; equal ones in the order of the enumeration.
+// Counts the reasons of `targets`; covered ones (reason unspecified) are left out. Sorted by
+// measurable targets first, then by frequency, then in the order of the enumeration.
 std::vector<v1::UncoveredCount> CountReasons(std::span<const TargetReason> reasons,
                                              const TargetBits& measurable,
                                              std::span<const std::string> obstacle_names,
                                              std::span<const uint32_t> targets);
 
-// The same counts without regard to measurability; most frequent first.
+// The same counts, summed over measurable and other targets; most frequent first.
 std::vector<v1::UncoveredCount> JoinMeasurable(std::span<const v1::UncoveredCount> counts);
 
 // "hidden by the part itself", "hidden by clamp", "camera or laser would touch clamp", "too dark:

@@ -18,23 +18,23 @@ struct UncoveredRegion {
   double area_share = 0;          // of all targets' area, in [0, 1]
   Eigen::Vector3d centroid_m;     // of the region's targets
   Eigen::AlignedBox3d bounds_m;
-  Eigen::Vector3d mean_normal;  // not normalised: short where the region faces all ways
+  Eigen::Vector3d mean_normal;  // not normalised: short if the region faces many directions
 };
 
-// Surface that one target stands for, relative to the others: the square of the spacing it was
-// sampled with.
+// Relative surface area per target: the square of its sampling
+// spacing.
 std::vector<double> TargetAreaWeights(const TargetSet& targets, const TargetSampling& sampling);
 
-// Clusters the targets in `selected` (one bit per target): two belong together if they are within
-// twice the larger of their spacings and their normals within 120 degrees, so that the two sides of
-// a thin wall stay apart but a region runs around an edge. Largest area first; equal ones by their
-// first target.
+// Clusters the targets in `selected` (one bit per target). Two targets are connected if their
+// distance is at most twice the larger of their spacings and their normals differ by less than 120
+// degrees. Thus the two sides of a thin wall stay apart, but a region can continue around an edge.
+// Sorted by descending area, then by the first target.
 std::vector<UncoveredRegion> FindUncoveredRegions(const TargetSet& targets,
                                                   const TargetSampling& sampling,
                                                   const TargetBits& selected);
 
-// Place of a region in the part's bounding box and the way it faces, in words, e.g.
-// "at the y- side, 23 mm below the top, facing y-". z is taken as up.
+// Describes the position of a region in the part's bounding box and its orientation, e.g. "at the
+// y- side, 23 mm below the top, facing y-". z is taken as up.
 std::string DescribePlace(const UncoveredRegion& region, const Eigen::AlignedBox3d& part_bounds_m);
 
 }  // namespace sightline
