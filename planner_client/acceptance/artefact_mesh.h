@@ -14,8 +14,8 @@ struct ArtefactMesh {
   Eigen::AlignedBox3d box_m;  // the renderer places the middle of this box
 };
 
-// Facets are half a degree wide on spheres and bores: they leave the surface by a
-// hundred-thousandth of its radius. A sphere has the half that points towards camera and laser.
+// On spheres and bores, facets are half a degree wide and deviate from the surface by 1e-5 of its
+// radius. A sphere is only the half that points towards camera and laser.
 ArtefactMesh MeshOfArtefact(const Artefact& artefact);
 
 }  // namespace sightline

@@ -19,8 +19,8 @@ namespace sightline {
 
 // Inputs of images of artefacts.
 struct ArtefactImaging {
-  // The inspection without its part: sensor and materials inline, the artefacts' material the only
-  // one.
+  // The inspection without its part: sensor and materials inline; the only material is that of the
+  // artefacts.
   v1::Inspection message;
   std::vector<AssetFile> assets;  // files of the material
   Inspection inspection;
@@ -33,25 +33,25 @@ struct ArtefactImaging {
 struct RenderedLine {
   LineDeviations deviations;
   int images = 0;
-  // Points detected with and without speckle, over all images with it. Their deviation is the sum
-  // of the two errors.
+  // Points detected both with and without speckle, over all images with speckle. The total
+  // deviation is the sum of both errors.
   struct Sample {
     double incidence_rad = 0;
     double systematic_px = 0;  // in the image without speckle
     double random_px = 0;
   };
   std::vector<Sample> samples;
-  double found_fraction = 0;  // of the points that the geometry lets the camera see
+  double found_fraction = 0;  // of the points that are visible by geometry
 };
 
-// An exposure time at which the brightest twentieth of the line in the middle of the scan reaches
-// 70 % of what the sensor holds. FAILED_PRECONDITION: none from 1 us to 1 s lights the line.
+// Exposure time at which the brightest 5 % of the line in the middle of the scan reach 70 % of the
+// sensor's full scale. FAILED_PRECONDITION if no exposure from 1 us to 1 s shows the line.
 absl::StatusOr<double> ExposureOf(const RenderClientOptions& client, const ArtefactImaging& imaging,
                                   const Artefact& artefact, const ArtefactScan& scan);
 
-// Renders up to `most_frames` frames of the scan, evenly spread, once without speckle and in
-// `realisations` of speckle and noise each, on crops about the line, and detects the line as the
-// inspection says. `scan` has the points of all columns.
+// Renders up to `most_frames` evenly spread frames of the scan, once without speckle and with
+// `realisations` random realisations of speckle and noise each, on crops around the line. Detects
+// the line by the inspection's method. `scan` has the points of all columns.
 absl::StatusOr<RenderedLine> RenderLine(const RenderClientOptions& client,
                                         const ArtefactImaging& imaging, const Artefact& artefact,
                                         const ArtefactScan& scan, double exposure_time_s,

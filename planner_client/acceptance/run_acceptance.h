@@ -17,16 +17,16 @@ namespace sightline {
 struct AcceptanceTask {
   Inspection inspection;
   AcceptanceSettings settings;
-  // `uncertainty.line_detection` is in the file; else the prediction takes what images show.
+  // True if the file states `uncertainty.line_detection`; else the images determine the prediction.
   bool detection_stated = false;
-  // Unset: nothing is rendered, detection errors are drawn from the inspection's line detection.
+  // If unset, nothing is rendered: detection errors are sampled from the inspection's model.
   std::optional<ArtefactImaging> imaging;
   int realisations = 4;  // of speckle and noise in every rendered frame; at least 1
   std::string context;   // starts every error message
 };
 
-// `client` is used with `imaging` only. Errors of ChooseArtefacts, ExposureOf and RenderLine;
-// FAILED_PRECONDITION: points of an artefact do not determine its surface.
+// `client` is only used with `imaging`. Errors of ChooseArtefacts, ExposureOf and RenderLine;
+// FAILED_PRECONDITION if the points of an artefact do not determine its surface.
 absl::StatusOr<v1::AcceptanceResult> RunAcceptance(const AcceptanceTask& task,
                                                    const RenderClientOptions& client);
 

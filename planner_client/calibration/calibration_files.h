@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// calibration.json, and the calibrated scanner as an inspection.
+// Writes calibration.json, and the calibrated scanner as an inspection.
 #pragma once
 
 #include <string>
@@ -11,17 +11,17 @@
 
 namespace sightline {
 
-// Text of calibration.json. Lengths in m, rotation vectors in rad; covariances row by row:
-// laser_plane of its normal over its distance (x, y, z) [1/m]; hand_eye of rotation vector and
-// translation; camera of fx, fy, cx, cy, k1, k2, p1, p2, k3.
+// Text of calibration.json. Lengths in m, rotation vectors in rad. Covariances are row-major:
+// laser_plane for normal / distance (x, y, z) [1/m]; hand_eye for rotation vector, translation;
+// camera for fx, fy, cx, cy, k1, k2, p1, p2, k3.
 std::string CalibrationJson(const CalibrationResult& result);
 
-// The scanner with its uncertainty, and the part. `part_file`: as the inspection names it; empty:
-// target.stl. Values that the images do not determine are taken from `set.assumed`.
+// The scanner with its uncertainty, and the part. `part_file`: name in the inspection; if empty,
+// target.stl. Values that the images do not determine are copied from `set.assumed`.
 v1::Inspection CalibratedInspection(const CalibrationResult& result, const CalibrationSet& set,
                                     const std::string& part_file);
 
-// The target as a plate of 2 mm with one square of margin around the outer squares: ASCII STL in m.
+// The target as a 2 mm plate with a margin of one square around the outer squares: ASCII STL in m.
 std::string TargetStl(const TargetBoard& board);
 
 }  // namespace sightline

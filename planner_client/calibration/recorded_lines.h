@@ -20,14 +20,14 @@ struct RecordedLines {
   int left_out_px = 0, line_px = 0;                         // rows or columns along the lines
 };
 
-// Cuts the surroundings of the lines out of the frames in use, in pieces of at most 128 px along
-// the line. Pieces have 60 px on each side of the line, nothing but light squares or the plate
-// around the board, and beside the line neither clipped pixels nor sides that are half or twice as
-// bright as usual in the frame: those show a part before the plate, or light that it reflects.
-// Stated are the camera and laser plane of `result`, poses, bits, pixel pitch and wavelength of
-// `set.assumed`, and how far the lines are from their predicted places. All else of the light is
-// unknown. INVALID_ARGUMENT: `set.assumed` has no wavelength, or nothing is left. Errors of reading
-// a frame.
+// Cuts crops around the lines out of the used frames, at most 128 px long along the line. A crop
+// has 60 px on each side of the line and shows only light squares or the plate around the board.
+// Crops with clipped pixels beside the line, or with sides half or twice as bright as usual in the
+// frame, are skipped: those show an object in front of the plate or reflected light. The recordings
+// state the camera and laser plane of `result`, poses, and bits, pixel pitch and wavelength of
+// `set.assumed`, and the distance of the lines from their predicted positions. The rest of the
+// light model is unknown. INVALID_ARGUMENT if `set.assumed` has no wavelength or no crop is left.
+// Errors of reading a frame.
 absl::StatusOr<RecordedLines> RecordedLinesOf(const CalibrationSet& set,
                                               const CalibrationResult& result);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The program that finds a checkerboard in images: OpenCV is not to be part of this one.
+// Runs the program that finds a checkerboard in images. It is separate to keep OpenCV out of here.
 #pragma once
 
 #include <Eigen/Core>
@@ -16,7 +16,7 @@ inline constexpr char kTargetCornersProgram[] = "sightline_target_corners";
 struct FoundTargets {
   int columns_px = 0, rows_px = 0;
   TargetCamera camera;  // estimated from all views
-  double rms_px = 0;    // of the corners about it
+  double rms_px = 0;    // of the corners
   struct Frame {
     std::vector<Eigen::Vector2d> corners_px;  // empty: not found
     Eigen::VectorXd pose;                     // MotionOf, middle of the corners to camera
@@ -25,8 +25,8 @@ struct FoundTargets {
   std::vector<Frame> frames;
 };
 
-// Starts the program beside this one. NOT_FOUND says how to get it; INVALID_ARGUMENT names an image
-// and the reason; INTERNAL: it failed.
+// Starts the program installed beside this one. NOT_FOUND if it is missing, with advice on how to
+// install it. INVALID_ARGUMENT names an image and the reason. INTERNAL if the program failed.
 absl::StatusOr<FoundTargets> FindTargets(const std::vector<std::string>& images,
                                          const TargetBoard& board);
 

@@ -5,7 +5,7 @@
 
 namespace sightline {
 
-// A command once its options are added: runs with their values and returns the exit code.
+// A command whose options have been added: runs with their values and returns the exit code.
 using Command = std::function<int()>;
 
 }  // namespace sightline

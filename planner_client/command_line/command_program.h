@@ -16,10 +16,10 @@ struct ProgramCommand {
   Command (*add)(CLI::App& app);
 };
 
-// Parses the command line, runs the command that it names and returns the exit code. Progress and
-// errors have the form that the options before the command ask for; out of memory is an error like
-// others. `program`: its name for --version, such as "sightline-plan"; all other texts speak of
-// `sightline`, which is what people type.
+// Parses the command line, runs the command that it names and returns the exit code. Global options
+// before the command set the format of progress and errors. Out of memory is reported like any
+// other error. `program`: name for --version, such as "sightline-plan"; all other texts say
+// `sightline`, the command that people type.
 int RunCommandProgram(int argc, char** argv, std::string_view program,
                       std::span<const ProgramCommand> commands);
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The commands of `sightline` and the programs that carry them out. `sightline` itself only finds
-// the program of a command and becomes it, so planning needs no renderer.
+// The commands of `sightline` and the programs that run them. `sightline` itself only finds the
+// program of a command and executes it (exec), so planning needs no renderer.
 #pragma once
 
 #include <array>
@@ -18,7 +18,7 @@ inline constexpr std::string_view kPlanProgram = "sightline-plan";
 inline constexpr std::string_view kRenderProgram = "sightline-render";
 inline constexpr std::string_view kServeProgram = "sightline-serve";
 
-// In the order of `sightline --help`.
+// Entries in the order of `sightline --help`.
 inline constexpr std::array<CommandEntry, 17> kCommands = {{
     {"new", kPlanProgram, "an inspection.json for a part, with values that suit it"},
     {"plan", kPlanProgram, "find the few scans that measure the part's surface"},

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Options before the command on the command line of `sightline`. The dispatcher and the programs
-// that carry commands out read the same ones.
+// that run commands read the same options.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -9,7 +9,7 @@
 
 namespace sightline {
 
-// The environment variable of --step-cache, which planner_client/part_files/step_mesh.h reads.
+// Environment variable for --step-cache; planner_client/part_files/step_mesh.h reads it.
 inline constexpr char kStepCacheEnvironment[] = "SIGHTLINE_STEP_CACHE";
 
 // Options before the command.
@@ -24,15 +24,15 @@ struct GlobalOptions {
 // `options` must outlive `app`. Call AddHelpExamples() once all commands are added.
 void SetUpCommandLine(CLI::App& app, const std::string& program, GlobalOptions* options);
 
-// Examples at the end of `sightline --help`. Commands take over the footer that is set when they
-// are added, so it is set last.
+// Adds examples at the end of `sightline --help`. Commands copy the footer that is set when they
+// are added, so call this last.
 void AddHelpExamples(CLI::App& app);
 
 // The text that `sightline` prints if it is started without arguments.
 std::string ShortHelp();
 
-// Parses `words`, the command line without the program's name. Returns the exit code if that was
-// all, as after --help or a wrong option, whose explanation is then on stderr; otherwise -1.
+// Parses `words`, the command line without the program's name. Returns -1 to continue, or the exit
+// code if the process should end, as after --help or a wrong option (explained on stderr).
 int ParseCommandLine(CLI::App& app, const std::vector<std::string>& words);
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Selection of the frames of a part that a command is about: options, and what they mean.
+// Options that select frames of a part, and their interpretation.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -24,10 +24,10 @@ struct FrameChoice {
 // --plan, --measurement, --scan, --frame, --stage-position and --other-part.
 void AddFrameOptions(CLI::App& app, FrameChoice* choice);
 
-// All frames of a plan, of one of its scans, one frame; or that of the one measurement that is
-// given or that the inspection fixes. With the settings of the plan's scans. INVALID_ARGUMENT names
-// options that exclude each other, a number out of range, missing data of a plan, or a plan of
-// another part. Adds to `remarks` remarks on the plan.
+// Returns all frames of a plan or of one of its scans, one frame, or the frame of the measurement
+// that is given or that the inspection fixes; each with the settings of the plan's scans.
+// INVALID_ARGUMENT names options that exclude each other, a number out of range, missing data of a
+// plan, or a plan of another part. Adds remarks on the plan to `remarks`.
 absl::StatusOr<std::vector<v1::PartFrame>> ChooseFrames(FrameChoice options,
                                                         const Inspection& inspection,
                                                         std::vector<std::string>* remarks);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// --other-part, which every command has that takes a plan.
+// The option --other-part of every command that reads a plan.
 #pragma once
 
 #include <CLI/CLI.hpp>

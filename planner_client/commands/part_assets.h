@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The files an inspection needs, on their way to a render worker.
+// Reads the files that an inspection needs, to send them to a render worker.
 #pragma once
 
 #include <string>
@@ -13,7 +13,7 @@
 
 namespace sightline {
 
-// Reads a file that may be anything. NOT_FOUND names it.
+// Reads a file of any type. NOT_FOUND names it.
 absl::StatusOr<std::string> ReadFile(const std::string& path);
 
 // An inspection file with camera and materials inline, checked for the inputs of images.
@@ -26,14 +26,14 @@ struct ImagingInspection {
 absl::StatusOr<ImagingInspection> CheckImagingInspection(const v1::Inspection& message,
                                                          const std::string& path);
 
-// Reads part, obstacles and the materials' files into `assets` and gives them the names under which
-// they go in `inspection`, whose sensor and materials are inline; planning's fields are left out.
-// Errors name the file; `context`: where the inspection comes from.
+// Reads part, obstacles and material files into `assets` and replaces their names in `inspection`
+// by the names in the request. Sensor and materials are inline; fields for planning only are
+// cleared. Errors name the file; `context`: source of the inspection.
 absl::Status TakeAssets(const std::string& context, v1::Inspection* inspection,
                         std::vector<AssetFile>* assets);
 
-// Reads the files of materials, which are inline, into `assets` and gives them the names under
-// which they go.
+// Reads the files of inline materials into `assets` and replaces their names by those in the
+// request.
 absl::Status TakeMaterialAssets(
     const std::string& context,
     google::protobuf::RepeatedPtrField<v1::MaterialAssignment>* materials,

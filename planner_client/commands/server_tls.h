@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// TLS between a command and servers that run elsewhere.
+// TLS between a command and remote servers.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -10,12 +10,12 @@
 
 namespace sightline {
 
-// PEM files. The authority turns TLS on; certificate and key are for servers that ask for them.
+// PEM files. The authority enables TLS; certificate and key are for servers that require them.
 struct ServerTlsOptions {
   std::string ca_file;
   std::string certificate_file;
   std::string key_file;
-  // Name in the server's certificate where it is not the one of the address.
+  // Name in the server's certificate if it differs from the host of the address.
   std::string server_name;
 
   bool given() const {
@@ -27,13 +27,13 @@ struct ServerTlsOptions {
 // --tls-ca, --tls-cert, --tls-key, --tls-server-name.
 void AddServerTlsOptions(CLI::App& app, ServerTlsOptions* options);
 
-// For commands with two servers, whose options were read into `worker`: each of those that run
-// elsewhere gets them.
+// For commands with two servers whose options were read into `worker`: copies them to each server
+// that is remote.
 void GiveBothServersTls(const std::string& coverage_address, ServerTlsOptions* coverage,
                         const std::string& worker_address, ServerTlsOptions* worker);
 
-// Reads the files into `access`. INVALID_ARGUMENT names the option, the file and the reason, also
-// when there is no server elsewhere to use them with: `has_server` is false.
+// Reads the files into `access`. INVALID_ARGUMENT names the option, the file and the reason. It is
+// also returned if `has_server` is false: no remote server uses the options.
 absl::Status UseServerTls(const ServerTlsOptions& options, bool has_server, ServerAccess* access);
 
 }  // namespace sightline

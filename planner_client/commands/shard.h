@@ -15,8 +15,8 @@ struct Shard {
   bool IsWhole() const { return count == 1; }
 };
 
-// "2/8"; empty: all of the work. INVALID_ARGUMENT: no such text, or no `checkpoint`, the folder
-// from which the run after all shards reads their results.
+// Parses "2/8"; an empty text means all of the work. INVALID_ARGUMENT for another text, or without
+// `checkpoint`, the folder from which the final run reads the results of all shards.
 absl::StatusOr<Shard> ParseShard(const std::string& part, const std::string& checkpoint);
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The render worker of a command: one of our own, or one that runs elsewhere.
+// The render worker of a command: an embedded or a remote one.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -16,8 +16,8 @@
 namespace sightline {
 
 struct WorkerSessionOptions {
-  std::string address;  // empty: one of our own
-  int threads = 0;      // of our own; 0: one per core
+  std::string address;  // empty: an embedded worker
+  int threads = 0;      // of the embedded worker; 0: one per core
   std::string max_image_bytes;
   ServerTlsOptions tls;  // of the worker at `address`
 };
@@ -25,13 +25,13 @@ struct WorkerSessionOptions {
 // --render-worker, --threads and TLS.
 void AddWorkerOptions(CLI::App& app, WorkerSessionOptions* options);
 
-// Starts a worker if none was given; fills access, progress and interrupt of `client`, which must
-// not outlive `progress` (null: nothing is shown) and the returned server (null: the worker runs
-// elsewhere).
+// Starts a worker if no address is given and fills in access, progress and interrupt of `client`.
+// `client` must not outlive `progress` (null: no progress) and the returned server (null: the
+// worker is remote).
 absl::StatusOr<std::unique_ptr<EmbeddedServer>> StartWorkerSession(
     const WorkerSessionOptions& options, ProgressLine* progress, WorkerClientOptions* client);
 
-// Adds the name of `input` to an error of the worker. The code says wrong input if the request
+// Adds the name of `input` to an error of the worker. The code means wrong input if the request
 // cannot be carried out.
 absl::Status AboutInput(const absl::Status& status, const std::string& input);
 

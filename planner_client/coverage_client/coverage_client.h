@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Client of a coverage server: one scene, asked for gains, coverage, points and views.
+// Client of a coverage server: queries one scene for gains, coverage, points and views.
 #pragma once
 
 #include <atomic>
@@ -36,24 +36,24 @@ struct CoverageTask {
   std::vector<Obstacle> obstacles;
   int field_directions = kDefaultFieldDirections;
   std::optional<UncertaintyModel> uncertainty;  // unset: coverage only
-  // The permitted scans, which decide what counts as measurable. what counts as measurable. Unset:
-  // camera and laser anywhere in free space, and the scene explains no targets.
+  // The permitted scans; they determine which targets count as measurable. If unset, camera and
+  // laser may be anywhere in free space, and the scene explains no targets.
   std::optional<MeasurementDomain> domain;
-  // With table and both exposure times. Unset: light limits nothing.
+  // Contains the table and both exposure times. If unset, light limits no targets.
   std::optional<v1::Detectability> detectability;
 };
 
-// An embedded server that ends is restarted, as often as it allows.
+// An embedded server that ends is restarted as often as its options allow.
 struct CoverageClientOptions : ServerAccess {
-  // Measurements per request of fast queries, [1, 4096], and requests under way at a time. Results
-  // do not depend on them.
+  // Number of measurements per request of fast queries, [1, 4096], and of concurrent requests.
+  // Results do not depend on them.
   int min_batch = 64;
   int max_batch = 256;
   int outstanding_requests = 3;
-  // UNAVAILABLE only is tried again, with growing pauses, for at most this long.
+  // Retries after UNAVAILABLE only, with growing pauses, for at most this time.
   absl::Duration retry_for = absl::Seconds(10);
-  // Build progress in [0, 1]. Called within Open only, on its thread: not when a scene that a
-  // server has lost is made again by some later query.
+  // Build progress in [0, 1]. Called only within Open and on its thread, not when a later query
+  // rebuilds a scene that the server has lost.
   std::function<void(double progress, const std::string& message)> on_progress;
   // Ends the build (CANCELLED) when it becomes true. May be null.
   const std::atomic<bool>* interrupted = nullptr;
@@ -101,15 +101,15 @@ struct InformedScan {
 // Exact standard uncertainties [m] of targets after scans.
 struct PosteriorUncertainties {
   std::vector<float> total_m, noise_m, sampling_m, calibration_m;
-  std::vector<float> registration_m;  // of joined scans; empty: none
+  std::vector<float> registration_m;  // of registered set-ups; empty: none
   std::vector<int32_t> points;
   std::vector<float> after_each_scan_m;  // [target][scan]; empty if not asked for
 };
 
-// Calls wait as long as the server shows signs of life (rpc_client/channel.h). A server that was
-// restarted and has forgotten the scene gets it again without the caller noticing. Thread-safe.
-// Errors of the server are passed on with its message; UNAVAILABLE says when an embedded server
-// died and why.
+// Calls wait as long as the server shows signs of life (rpc_client/channel.h). If a restarted
+// server has lost the scene, the client uploads it again, transparently for the caller.
+// Thread-safe. Errors of the server are passed on with its message; UNAVAILABLE states when and why
+// an embedded server died.
 class CoverageClient : public GainModel {
  public:
   // Uploads missing parts, has the scene built and fetches its targets.
@@ -120,7 +120,7 @@ class CoverageClient : public GainModel {
   // TargetSet::triangles stays empty.
   virtual const TargetSet& targets() const = 0;
   // Bit r of a target: it is measurable with the part in resting orientation r of the task's
-  // domain. Empty: the domain has none, or more than 64, or the server does not say.
+  // domain. Empty if the domain has no orientations or more than 64, or if the server gives none.
   virtual std::span<const uint64_t> measurable_orientations() const { return {}; }
   // Exact, with part, camera and laser of every scan displaced; one displacement per measurement.
   virtual absl::StatusOr<std::vector<ScanCoverage>> DisplacedCoverage(
@@ -129,7 +129,7 @@ class CoverageClient : public GainModel {
   // All measured points of one scan, exact. FAILED_PRECONDITION: the scan is not feasible.
   virtual absl::StatusOr<std::vector<ScanPoint>> MeasurementPoints(
       const Measurement& measurement) = 0;
-  // Only of tasks with an uncertainty model. `known_density` [1/m^4]: of every target; weights:
+  // Only for tasks with an uncertainty model. `known_density` [1/m^4]: one per target; weights:
   // empty, or one per target (weighted shares in ScanGain::weighted_gain).
   virtual absl::StatusOr<std::vector<ScanGain>> UncertaintyGains(
       std::span<const Measurement> measurements, const UncertaintyQuery& query,
@@ -141,13 +141,13 @@ class CoverageClient : public GainModel {
                                                                std::span<const uint32_t> targets,
                                                                bool after_each_scan,
                                                                std::span<const float> enough_m) = 0;
-  // Why targets are not covered, one reason each; obstacles by their place in the task.
-  // FAILED_PRECONDITION: the task has no domain.
+  // One reason per target that is not covered; obstacles by index in the task. FAILED_PRECONDITION:
+  // the task has no domain.
   virtual absl::StatusOr<std::vector<TargetReason>> ExplainTargets(
       std::span<const uint32_t> targets) = 0;
   // PNG bytes. `request.scene_digest` is filled in.
   virtual absl::StatusOr<std::string> RenderView(v1::RenderViewRequest request) = 0;
-  // How often the scene was made again because the server had lost it.
+  // Number of times that the scene was rebuilt after the server had lost it.
   virtual int recoveries() const = 0;
 };
 

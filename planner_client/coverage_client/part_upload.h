@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A mesh as a file that a coverage server takes.
+// Encodes a mesh as a file for a coverage server.
 #pragma once
 
 #include <string>
@@ -8,8 +8,8 @@
 
 namespace sightline {
 
-// Binary little-endian PLY in metres. A mesh that came from LoadPart is read back vertex by vertex
-// as it is, so that both sides compute the same PartDigest, and with materials the same
+// Binary little-endian PLY in metres. A mesh from LoadPart is read back with identical vertices,
+// so that both sides compute the same PartDigest and, with materials, the same
 // PartNameWithMaterials.
 std::string EncodePly(const TriangleMesh& mesh, bool with_materials = false);
 

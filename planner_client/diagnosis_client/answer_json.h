@@ -8,11 +8,11 @@
 
 namespace sightline {
 
-// `ranked` has one entry per leading effect: explanations that begin with the same one, alone or
-// with others, are one entry with the sum of their probabilities and the parameters of the most
-// probable. `also_present`: the further effects of the first explanation, with the sum of the
-// probabilities of all explanations they are part of. `remainder`: the difference that the first
-// explanation leaves, if the diagnosis has one. Numbers that are not finite are left out.
+// `ranked` has one entry per leading effect: explanations that begin with the same effect, alone or
+// with others, share one entry with the sum of their probabilities and the parameters of the most
+// probable one. `also_present`: further effects of the first explanation, each with the summed
+// probability of all explanations that contain it. `remainder`: difference left by the first
+// explanation, if the diagnosis has one. Numbers that are not finite are left out.
 std::string AnswerJson(const v1::Diagnosis& diagnosis);
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Client of a render worker's DiagnosisService: images go up, the answer comes back.
+// Client of a render worker's DiagnosisService: uploads images and fetches the answer.
 #pragma once
 
 #include <functional>
@@ -11,12 +11,12 @@
 
 namespace sightline {
 
-// `images`: one for every recording, `file` as it stands there; `assets`: of parts, the files of
-// the inspection. Uploads missing files to the worker and waits for the job. UNAVAILABLE: the
-// worker ended; the message says how. CANCELLED: interrupted. Other errors are the worker's.
-// `request` has everything else but the request_id. With `on_waiting_for_rest` an interrupted
-// diagnosis that has got somewhere is no error but has the verdict "interrupted"; it is called when
-// the wait for the rest begins.
+// `images`: one for every recording, `file` as in the request; `assets`: for parts, the files of
+// the inspection. `request` is complete except for the request_id. Uploads missing files to the
+// worker and waits for the job. With `on_waiting_for_rest`, an interrupted diagnosis with partial
+// results is no error but has the verdict "interrupted"; the function is called when the wait for
+// these results begins. UNAVAILABLE: the worker ended; the message says how. CANCELLED:
+// interrupted. Other errors are the worker's.
 absl::StatusOr<v1::Diagnosis> DiagnoseRecordings(
     const WorkerClientOptions& options, v1::CreateDiagnosisRequest request,
     const std::vector<AssetFile>& images, const std::vector<AssetFile>& assets = {},

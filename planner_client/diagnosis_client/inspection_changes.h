@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Changes numbers of an inspection within their ranges and records the changes.
-//
-// Fields are named by dotted paths, "laser.power_w". Their defaults and ranges stand in the table
+// Fields have dotted paths such as "laser.power_w"; inspection_number.h has the table of their
+// defaults and ranges. This module needs no knowledge of single effects.
 // of inspection_number.h; nothing here knows an effect.
 #pragma once
 
@@ -27,20 +27,20 @@ inline constexpr char kOfSetUp[] =
 
 class InspectionChanges {
  public:
-  // `result` outlives this.
+  // `result` must outlive this object.
   explicit InspectionChanges(CalibratedInspection* result) : result_(*result) {}
 
-  // Elements of `materials` that paths through them lead to; none before.
+  // Indices of the `materials` that paths change; none unless set.
   void set_plate_materials(std::vector<int> indices) { plate_materials_ = std::move(indices); }
 
-  // Applies all changes of one effect of the diagnosis, in order. An effect without changes (of a
-  // worker that does not send them), or with a change that is not known here, becomes one of the
-  // inspection's effects, with a warning. Components are not compared.
+  // Applies all changes of one effect of the diagnosis, in order. An effect without changes (from
+  // an older worker), or with an unknown change, is added to the inspection's effects, with a
+  // warning. Components are not compared.
   void Carry(const v1::Effect& effect, const std::vector<v1::InspectionChange>& changes);
 
-  // Multiplies the numbers at `path` by a factor, or adds a summand to them. `source` names the
-  // cause in warnings and in the record. Results out of range are cut, with a warning. `path`
-  // stands in the table of numbers.
+  // Multiplies the numbers at `path` by a factor, or adds a summand. `source` names the cause in
+  // warnings and in the record. Results out of range are clamped, with a warning. `path` must be in
+  // the table of numbers.
   void Scale(const std::string& path, double factor, const std::string& source);
   void Shift(const std::string& path, double summand, const std::string& source);
 
@@ -49,13 +49,13 @@ class InspectionChanges {
  private:
   enum class Outcome {
     kDone,
-    kStop,        // nothing else of the effect can be carried over, as a warning says
-    kKeepEffect,  // the effect itself takes the place of its changes
+    kStop,        // stop: no other change of the effect can be applied, as a warning says
+    kKeepEffect,  // the effect itself is added instead of its changes
   };
   Outcome Apply(const v1::InspectionChange& change);
   Outcome ApplyToNumber(const InspectionNumber& number, const v1::InspectionChange& change);
   void Change(const InspectionNumber& number, double to, const std::string& source);
-  // Puts it among the inspection's effects; one that stands there with the same id is replaced.
+  // Adds the effect to the inspection's effects; it replaces one with the same id.
   void AddEffect(const v1::Effect& effect);
   void Note(const std::string& text) { result_.changes.push_back(text); }
 
@@ -63,12 +63,12 @@ class InspectionChanges {
   std::vector<int> plate_materials_;
 };
 
-// The changes of `diagnosis` whose source is this effect, in order.
+// Changes of `diagnosis` whose source is this effect, in order.
 std::vector<v1::InspectionChange> ChangesOf(const v1::Effect& effect,
                                             const v1::Diagnosis& diagnosis);
 
-// Renames the files of an inspection with materials inline so that they lead from `folder` to where
-// they are.
+// Renames the files of an inspection with inline materials so that their paths are relative to
+// `folder`.
 void NameFilesFrom(const std::string& folder, v1::Inspection* inspection);
 
 }  // namespace sightline

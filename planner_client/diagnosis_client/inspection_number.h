@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Numbers of an inspection that a diagnosis may change, found by their field paths.
+// Numbers of an inspection that a diagnosis may change, addressed by field paths.
 #pragma once
 
 #include <google/protobuf/message.h>
@@ -14,16 +14,16 @@
 namespace sightline {
 
 struct NumberRange {
-  // Dotted path, "laser.power_w"; through a repeated field to all its elements.
+  // Dotted path such as "laser.power_w"; a repeated field stands for all its elements.
   std::string_view path;
-  // The value that an inspection has if it does not state one. None: only stated numbers change.
+  // Default of an unstated number; if it has none, only a stated number is changed.
   std::optional<double> unset;
   double lower, upper;
-  // Meaning of an unstated number, for people. Empty: no warning is due.
+  // Meaning of an unstated number for the warning; if empty, no warning is needed.
   std::string_view meaning_of_unset = {};
 };
 
-// nullptr: an inspection has no such number, or none that may change.
+// Returns nullptr if an inspection has no such number, or if it must not be changed.
 const NumberRange* FindNumberRange(std::string_view path);
 
 // One number (or flag, 0 and 1) of a message of the inspection.
@@ -39,8 +39,8 @@ struct InspectionNumber {
   void Set(double value) const;
 };
 
-// The numbers at the path of `range`; messages on the way are added if an unstated number has a
-// value. The path through `materials` leads to the elements of these indices only.
+// The numbers at the path of `range`. If an unstated number has a default, missing messages on the
+// path are added. For `materials`, only the elements with these indices are included.
 std::vector<InspectionNumber> NumbersAt(const NumberRange& range,
                                         const std::vector<int>& material_indices,
                                         v1::Inspection* inspection);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Images that a description lists, read from its folder.
+// Reads the images that a description lists, from its folder.
 #pragma once
 
 #include <string>
@@ -15,9 +15,9 @@ struct ListedImage {
   std::string place;  // place in the description, for errors; may be empty
 };
 
-// The images in the order of the list. `list`: file and field of the description, which begin the
-// errors. NOT_FOUND: images cannot be read; says how many and names up to five. INVALID_ARGUMENT:
-// an image is empty.
+// The images in the order of the list. `list`: file and field of the description, which begin error
+// messages. NOT_FOUND if images cannot be read; the message counts them and names up to five.
+// INVALID_ARGUMENT if an image is empty.
 absl::StatusOr<std::vector<AssetFile>> ReadListedImages(const std::string& folder,
                                                         const std::vector<ListedImage>& images,
                                                         const std::string& list);

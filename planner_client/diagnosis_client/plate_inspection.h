@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Recordings of a flat plate as an inspection of it.
+// Makes an inspection from recordings of a flat plate.
 #pragma once
 
 #include <string>
@@ -13,8 +13,9 @@ namespace sightline {
 extern const char kPlateObj[];
 
 // An inspection of the plate in the file `part_file` (kPlateObj) with sensor, lens, laser and
-// surface of `recordings` (valid, format version 1), set up, focused and exposed as the first
-// recording with the laser on (else the first): rendering it needs neither plan nor measurement.
+// surface of `recordings` (valid, format version 1). Set-up, focus and exposure are those of the
+// first recording with the laser on (else the first), so that rendering needs no plan or
+// measurement.
 v1::Inspection InspectionOfPlate(const v1::Recordings& recordings, const std::string& part_file);
 
 }  // namespace sightline

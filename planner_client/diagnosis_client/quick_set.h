@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A few of many recordings, for a first answer.
+// Selects a few of many recordings for a quick first answer.
 #pragma once
 
 #include <vector>
@@ -8,10 +8,10 @@
 
 namespace sightline {
 
-// Indices, increasing, of at most 16 recordings that a quick diagnosis is made from: 12 with the
-// laser on, evenly from the whole list (of bursts only the first frame, since others follow from
-// it), of at least four plate positions where there are as many; 2 dark ones and 2 with other light
-// only. Of parts, whose expected images take most of the time, 3, 1 and 1.
+// Ascending indices of at most 16 recordings for a quick diagnosis: 12 with the laser on, evenly
+// from the whole list and from at least four plate positions if there are as many; 2 dark ones; 2
+// with other light only. Of a burst only the first frame is used. For parts, whose expected images
+// take most of the time, the numbers are 3, 1 and 1.
 std::vector<int> QuickChoice(const v1::Recordings& recordings);
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A set of recordings as a folder on disk.
+// Reads a set of recordings from a folder.
 #pragma once
 
 #include <string>
@@ -24,9 +24,9 @@ enum class Shown { kPlate, kPlateOrPart };
 // AssumeMissingValues.
 enum class MissingValues { kError, kAssume };
 
-// `path`: the folder or its recordings.json. NOT_FOUND: no description, or images are missing (all
-// are named); INVALID_ARGUMENT names file, field and reason; also for format version 2, a part, if
-// only a plate may be shown.
+// `path`: the folder or its recordings.json. NOT_FOUND if the description or images are missing
+// (the message names all). INVALID_ARGUMENT names file, field and reason; it is also returned for
+// format version 2 (a part) if only plates are supported.
 absl::StatusOr<RecordedFolder> ReadRecordedFolder(const std::string& path,
                                                   Shown shown = Shown::kPlateOrPart,
                                                   MissingValues missing = MissingValues::kError);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Client of a render worker's SensorService: flat-field and dark frames go up, the answer comes
-// back.
+// Client of a render worker's SensorService: uploads flat-field and dark frames and fetches the
+// answer.
 #pragma once
 
 #include <vector>
@@ -11,10 +11,10 @@
 
 namespace sightline {
 
-// `images`: one for every file that `request.set` lists, with its name as it stands there. Uploads
-// missing files to the worker and waits for the job. `request` has everything else but the
-// request_id. UNAVAILABLE: the worker ended; the message says how. CANCELLED: interrupted.
-// UNIMPLEMENTED: the worker is older. Other errors are the worker's.
+// `images`: one for every file that `request.set` lists, with the same name. Uploads missing files
+// to the worker and waits for the job. `request` is complete except for the request_id.
+// UNAVAILABLE: the worker ended; the message says how. CANCELLED: interrupted. UNIMPLEMENTED: the
+// worker is older. Other errors are the worker's.
 absl::StatusOr<v1::SensorDiagnosis> DiagnoseSensorSet(const WorkerClientOptions& options,
                                                       v1::CreateSensorDiagnosisRequest request,
                                                       const std::vector<AssetFile>& images);

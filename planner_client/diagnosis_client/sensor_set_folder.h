@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Flat-field and dark frames of a camera as a folder on disk.
+// Reads flat-field and dark frames of a camera from a folder.
 #pragma once
 
 #include <string>
@@ -19,12 +19,12 @@ struct SensorSetFolder {
 };
 
 // True if `path` is a .txt file, or a folder with an EMVA 1288 data file (its name in lower or
-// upper case) and no recordings.json. Whether it can be read is not asked.
+// upper case) and no recordings.json. The file itself is not read.
 bool IsSensorSet(const std::string& path);
 
-// `path`: the folder or its data file, any .txt. NOT_FOUND: no data file, or images are missing
-// (named with their step, up to five); INVALID_ARGUMENT names the file and the reason: more than 16
-// MB, what ParseEmva1288Data finds, or an image path that leads out of the folder.
+// `path`: the folder or its data file, any .txt. NOT_FOUND if the data file or images are missing
+// (names up to five with their step). INVALID_ARGUMENT names the file and the reason: more than 16
+// MB, an error of ParseEmva1288Data, or an image path that leads out of the folder.
 absl::StatusOr<SensorSetFolder> ReadSensorSetFolder(const std::string& path);
 
 }  // namespace sightline

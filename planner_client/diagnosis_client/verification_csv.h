@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Figures of a verification as a table.
+// Writes the figures of a verification as a table.
 #pragma once
 
 #include <string>

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The list of physical effects, as docs/effects.json has it: the renderer can show them and the
-// diagnosis can name them. The client does not link the renderer, whose registry that file is
-// generated from.
+// The list of physical effects in docs/effects.json, which the renderer can show and the
+// diagnosis can identify. The client does not link the renderer, whose registry generates that
+// file.
 #pragma once
 
 #include <string>
@@ -15,7 +15,7 @@ struct ListedParameter {
   std::string unit;  // "1" of plain numbers
   double without;    // value without the effect
   double lower, upper;
-  double usual;    // half of all rigs with the effect are believed to deviate by less
+  double usual;    // median deviation over all rigs with the effect (prior belief)
   double decades;  // as many decades below `usual` are as likely
 };
 
@@ -25,10 +25,10 @@ struct ListedEffect {
   std::vector<ListedParameter> parameters;
 };
 
-// In the order in which light meets them.
+// Effects in the order in which light meets them.
 const std::vector<ListedEffect>& ListedEffects();
 
-// The file itself.
+// Text of the file.
 std::string_view EffectListJson();
 
 }  // namespace sightline

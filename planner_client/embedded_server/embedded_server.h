@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A server of one's own (coverage server, render worker): started, watched and ended by this
-// process.
+// An embedded server (coverage server, render worker): this process starts, watches and ends
+// it.
 #pragma once
 
 #include <atomic>
@@ -20,32 +20,33 @@ struct EmbeddedServerOptions {
   std::string description = "coverage server";
   // Path of the program. Empty: FindProgram(program) of core/process/program_path.h.
   std::string binary;
-  // Further arguments, e.g. {"--threads", "1"}. "{folder}" stands for a folder for its files:
-  // the private one if that is in the temporary folder (TMPDIR), else the temporary folder itself.
+  // Further arguments, e.g. {"--threads", "1"}. "{folder}" is replaced by a folder for the server's
+  // files: the private one if it is in the temporary folder (TMPDIR), else the temporary folder.
   std::vector<std::string> arguments;
-  // Limit of the time that it takes by itself until it listens (core/process/process_clock.h): CPU
-  // time and sleep. The time during which a busy machine holds it up does not count.
+  // Limit of the time that the server itself spends until it listens
+  // (core/process/process_clock.h): CPU time and sleep. Time during which a busy machine delays it
+  // does not count.
   absl::Duration start_limit = absl::Minutes(5);
-  // After this wall time one line on stderr names the awaited server and the place of its messages.
+  // After this wall time, one line on stderr names the awaited server and its message file.
   absl::Duration start_notice = absl::Seconds(20);
-  // Unless null: a start ends once this is true, and a restart once it becomes true (a command that
-  // was interrupted before still needs the server for its output).
+  // Unless null: a true value ends a start, and a change to true ends a restart (a command that was
+  // interrupted earlier still needs the server for its output).
   const std::atomic<bool>* interrupted = nullptr;
   // How long it may take to end before it is killed.
   absl::Duration stop_timeout = absl::Seconds(3);
 };
 
-// The server listens on a unix socket in a folder that only this user can enter. It runs in its own
-// process group (Ctrl-C reaches only us) and ends when this process ends, however that happens; the
-// next server that starts then removes the folder.
+// The server listens on a unix socket in a folder that only this user can enter. It
+// runs in its own process group (Ctrl-C reaches only the client) and ends when this
+// process ends for any reason; the next server that starts then removes the folder.
 // Thread-safe.
 class EmbeddedServer {
  public:
-  // Waits until the server listens, as long as its process lives and has not failed. NOT_FOUND: no
-  // such binary. UNAVAILABLE: it ended, or closed its stdout, before it listened.
-  // DEADLINE_EXCEEDED: it used `start_limit`, by work or by sleep, and does not listen. These
-  // messages end with its stderr. CANCELLED: interrupted. A server that is killed by
-  // others before it listens is restarted, as at any later time.
+  // Waits until the server listens. NOT_FOUND: no such binary. UNAVAILABLE: it ended, or
+  // closed its stdout, before it listened. DEADLINE_EXCEEDED: it used `start_limit` of work
+  // and sleep without listening. These messages end with its stderr. CANCELLED:
+  // interrupted. A server that others kill before it listens is restarted, as at any later
+  // time.
   static absl::StatusOr<std::unique_ptr<EmbeddedServer>> Start(EmbeddedServerOptions options);
   // Ends the server and removes the folder.
   virtual ~EmbeddedServer() = default;
@@ -55,11 +56,11 @@ class EmbeddedServer {
   virtual int pid() const = 0;
   // Folder for the server's files; goes when the server ends.
   virtual const std::string& folder() const = 0;
-  // OK while it runs; UNAVAILABLE says how it ended, with its last output.
+  // OK while it runs; UNAVAILABLE states how it ended, with its last output.
   virtual absl::Status CheckAlive() = 0;
-  // Starts it anew if it has ended, and says so on stderr; the new one has none of the old one's
-  // parts and scenes. Once in its life: a server that ends again has a fault that its user must
-  // know of. UNAVAILABLE: it was restarted before; says how it ended.
+  // Restarts the server if it has ended, with a message on stderr; the new process has no parts and
+  // scenes. This is done only once: a server that ends again has a fault that the user must know
+  // about. UNAVAILABLE after an earlier restart; the message states how the server ended.
   virtual absl::Status Restart() = 0;
 };
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The page of `sightline explore`: files that are handed out as they are.
+// Files of the `sightline explore` page, served unchanged.
 #pragma once
 
 #include <string>
@@ -14,7 +14,7 @@ struct ExplorePageFile {
   std::string_view bytes;
 };
 
-// It loads nothing from elsewhere; all addresses in it are relative.
+// The page loads nothing from elsewhere; all its addresses are relative.
 const std::vector<ExplorePageFile>& ExplorePage();
 
 }  // namespace sightline

@@ -20,7 +20,7 @@ namespace sightline {
 
 using Json = nlohmann::json;
 
-// One of the nine parameters, as people see it.
+// One of the nine parameters as shown to people.
 struct ParameterDescription {
   const char* name;   // field of v1::Measurement: metres or degrees
   const char* label;  // for people
@@ -29,29 +29,30 @@ struct ParameterDescription {
 // In the order of Measurement.
 const std::array<ParameterDescription, kMeasurementParameters>& MeasurementParameters();
 
-// Limits of the settings of camera and lens. The focus distance is at least
-// 1.01 focal lengths, as the renderer has it.
+// Limits of the settings of camera and lens. As in the renderer, the focus distance is at least
+// 1.01 focal lengths.
 struct SettingLimits {
   Limits f_number, exposure_time_s, focus_distance_m;
 };
 SettingLimits LimitsOfSetting(const Lens& lens);
 
-// Body of a request. INVALID_ARGUMENT: no JSON object (numbers too large for a double are none).
+// Parses the body of a request. INVALID_ARGUMENT if it is no JSON object; numbers that overflow a
+// double are rejected too.
 absl::StatusOr<Json> ParseRequestBody(const std::string& body);
 
 // Reads fields of one object; errors are collected, with field, value and allowed range.
 class RequestReader {
  public:
-  // `path`: of the object, "" or ending with a dot. Fields that are not `known` are wrong.
+  // `path`: of the object; empty or with a final dot. Fields that are not in `known` are errors.
   RequestReader(const Json& object, std::string path, std::initializer_list<const char*> known);
 
-  // The field's number; 0 if it is wrong. Unset optional fields: nullopt.
+  // Value of the field, 0 if it is wrong. Unset optional fields: nullopt.
   double Number(const char* name, const Limits& limits);
   int64_t Integer(const char* name, int64_t min, int64_t max);
   std::optional<int64_t> OptionalInteger(const char* name, int64_t min, int64_t max);
-  // False if it is not there.
+  // Value of the field; false if it is missing.
   bool Flag(const char* name);
-  // One of `allowed`.
+  // Value of the field, which must be one of `allowed`.
   std::string Word(const char* name, std::initializer_list<const char*> allowed);
 
   void Wrong(const std::string& field, const std::string& description) {
@@ -67,13 +68,13 @@ class RequestReader {
   std::vector<FieldViolation> violations_;
 };
 
-// The object `measurement` of a request: all nine parameters in metres and degrees, inside
-// `domain`. Angles that wrap around are taken modulo a full turn. INVALID_ARGUMENT names field,
-// value and allowed range.
+// Reads the object `measurement` of a request: all nine parameters in metres and degrees, inside
+// `domain`. Periodic angles are taken modulo a full turn. INVALID_ARGUMENT names field, value and
+// allowed range.
 absl::StatusOr<Measurement> ReadMeasurement(const Json& request, const MeasurementDomain& domain);
 
-// The object `setting` of a request: f_number, exposure_time_s, focus_distance_m; the rest is that
-// of `base`. Without such an object: `base`.
+// Reads the object `setting` of a request: f_number, exposure_time_s, focus_distance_m. Other
+// values, and all values without such an object, come from `base`.
 absl::StatusOr<v1::OpticalSetting> ReadSetting(const Json& request, const SettingLimits& limits,
                                                const v1::OpticalSetting& base);
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The state behind the page of `sightline explore`, and the requests of the page: JSON in, JSON
-// out, no sockets.
+// The state behind the page of `sightline explore`, and its requests: JSON in, JSON out, without
+// sockets.
 #pragma once
 
 #include <array>
@@ -29,10 +29,10 @@
 
 namespace sightline {
 
-// Most scans of a plan made by hand, as of one that is searched.
+// Largest number of scans of a manual plan, as for a searched one.
 inline constexpr int kMaxExploredScans = 1000;
 
-// A scan of the plan. Without a lens the setting is none.
+// A scan of the plan. Without a lens it has no setting.
 struct ExploredScan {
   Measurement measurement;
   std::optional<v1::OpticalSetting> setting;
@@ -50,26 +50,26 @@ struct ExploreTask {
   TargetSet targets;
   // Coverage, fast and exact; thread-safe; must outlive the session.
   GainModel* gain_model = nullptr;
-  // Scores plans where the goal is uncertainty, and guides the search there; else null.
-  // Thread-safe; must outlive the session.
+  // Scores plans and guides the search if the goal is uncertainty, else null. Thread-safe; must
+  // outlive the session.
   GainModel* judge = nullptr;
-  // Null: there are no pictures, because of `no_pictures`.
+  // If null, there are no pictures, for the reason in `no_pictures`.
   DrawDraft draw;
   std::string no_pictures;
-  // Folder of plans, as shown to people. `saved_before` tells whether there is a plan already.
+  // Folder of plans, as shown to people. `saved_before` is true if it already has a plan.
   std::string folder;
   std::function<bool()> saved_before;
   // Overwrites the plan.
   std::function<absl::StatusOr<SavedPlan>(const std::vector<ExploredScan>&)> save;
-  // The plan to begin with.
+  // Initial plan.
   std::vector<ExploredScan> scans;
 };
 
-// Thread-safe: a request waits for none but those that change the same thing. Errors name field,
+// Thread-safe: a request waits only for requests that change the same state. Errors name field,
 // value and allowed range.
 class ExploreSession {
  public:
-  // Evaluates the first scans exactly. Errors of the gain model.
+  // Opens a session and evaluates the initial scans exactly. Errors of the gain model.
   static absl::StatusOr<std::unique_ptr<ExploreSession>> Open(ExploreTask task);
 
   // The constant data: parameters and settings with their limits, numbers of targets, names.
@@ -79,39 +79,39 @@ class ExploreSession {
   // Position of the controls, scans of the plan with their gains, coverage so far.
   Json State() const;
 
-  // {"measurement": {...}, "setting": {...}, "exact": bool, "instead_of": index}: what this scan
-  // measures, beside the plan's other scans; keeps the position. Measurements must be in the
-  // inspection's domain.
+  // {"measurement": {...}, "setting": {...}, "exact": bool, "instead_of": index}: measured targets
+  // of this scan in addition to the plan's other scans; stores the position of the controls.
+  // Measurements must be in the inspection's domain.
   absl::StatusOr<Json> Evaluate(const Json& request);
-  // {"measurement", "instead_of"}: how many targets the plan makes known admissibly, without and
-  // with this scan; a scan that cannot be made adds nothing. {"cancelled": true} if another one was
-  // asked for meanwhile. FAILED_PRECONDITION: the goal is not uncertainty.
+  // {"measurement", "instead_of"}: number of targets with admissible uncertainty without and with
+  // this scan; an infeasible scan adds nothing. {"cancelled": true} if a newer request replaced
+  // this one. FAILED_PRECONDITION: the goal is not uncertainty.
   absl::StatusOr<Json> Admissible(const Json& request);
   // {"revision": of the state that the page shows, "action": "add" | "replace" | "remove" | "move"
-  // | "load", "index", "to", "measurement", "setting"}: changes the plan and answers with the
-  // state. ABORTED, reason STATE_CHANGED: the plan is not that of the revision any more.
-  // FAILED_PRECONDITION: the scan cannot be made, or the plan has as many as it may.
+  // | "load", "index", "to", "measurement", "setting"}: changes the plan and returns the state.
+  // ABORTED, reason STATE_CHANGED: the plan has changed since that revision. FAILED_PRECONDITION:
+  // the scan is infeasible, or the plan has the largest number of scans.
   absl::StatusOr<Json> ChangePlan(const Json& request);
-  // {"from": "here" | "anywhere", "measurement", "instead_of"}: a good next scan, found by fast
-  // estimates and chosen exactly; {"cancelled": true} if another search or CancelSuggestion() came
-  // between.
+  // {"from": "here" | "anywhere", "measurement", "instead_of"}: a good next scan, searched by fast
+  // estimates and chosen by exact ones; {"cancelled": true} if another search or CancelSuggestion()
+  // replaced this one.
   absl::StatusOr<Json> Suggest(const Json& request);
   void CancelSuggestion() { suggestions_.Cancel(); }
-  // How far the search is.
+  // Progress of the search.
   Json SuggestionProgress() const;
   // {"measurement", "setting", "frame": number of the scan's frame; default the middle one}: a
-  // draft of the image; {"cancelled": true} if another one was asked for meanwhile.
-  // FAILED_PRECONDITION, reason NO_PICTURES: names what the inspection lacks.
+  // draft of the image; {"cancelled": true} if a newer request replaced this one.
+  // FAILED_PRECONDITION, reason NO_PICTURES: the message names what the inspection lacks.
   absl::StatusOr<Json> Picture(const Json& request);
-  // {"overwrite": bool}: writes the plan. ALREADY_EXISTS, reason PLAN_EXISTS: there is one and the
-  // user has not agreed to overwrite it. FAILED_PRECONDITION: the plan has no scans.
+  // {"overwrite": bool}: writes the plan. ALREADY_EXISTS, reason PLAN_EXISTS: there is a plan and
+  // "overwrite" is false. FAILED_PRECONDITION: the plan has no scans.
   absl::StatusOr<Json> Save(const Json& request);
 
-  // Whether there are scans that no file has.
+  // True if the plan has unsaved changes.
   bool HasUnsaved() const;
   // Scans of the plan, in its order.
   std::vector<ExploredScan> Scans() const;
-  // Gives up running and later requests.
+  // Cancels running requests and rejects later ones.
   void Close();
 
  private:
@@ -124,14 +124,14 @@ class ExploreSession {
 
   absl::StatusOr<ScanCoverage> Exact(const Measurement& measurement);
   absl::StatusOr<std::optional<v1::OpticalSetting>> SettingOf(const Json& request) const;
-  // Measurements of the plan; without one of its scans if that is given.
+  // Measurements of the plan, without the scan `without` if it is given.
   std::vector<Measurement> PlanScans(std::optional<int64_t> without) const;
   // Accumulated information that the search for a next scan starts from.
   absl::StatusOr<std::vector<float>> KnownShares(std::span<const Measurement> plan,
                                                  const TargetBits& covered) const;
-  // Targets that the plan makes known admissibly; of one plan only once.
+  // Score by targets with admissible uncertainty; each plan is scored only once.
   absl::StatusOr<PlanScore> Score(const std::vector<Measurement>& plan);
-  // Targets that the plan covers; without one of its scans if that is given.
+  // Targets that the plan covers, without the scan `without` if it is given.
   TargetBits PlanCoverage(std::optional<int64_t> without) const;
   StageTravel TravelOf(const Measurement& measurement, const ScanCoverage& exact) const;
   Json EvaluationJson(const Measurement& measurement, const ScanCoverage& coverage, bool exact,
@@ -150,10 +150,10 @@ class ExploreSession {
   Position position_;
   std::vector<ExploredScan> scans_;
 
-  std::mutex exact_mutex_;  // of what was evaluated lately, newest first
+  std::mutex exact_mutex_;  // guards the recent evaluations, newest first
   std::deque<std::pair<Measurement, ScanCoverage>> exact_;
 
-  std::mutex score_mutex_;  // of the scores of plans, newest first
+  std::mutex score_mutex_;  // guards the recent scores of plans, newest first
   std::deque<std::pair<std::vector<Measurement>, PlanScore>> scores_;
 
   LatestOnly suggestions_, pictures_, judgements_;

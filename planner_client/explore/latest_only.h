@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Long work of which only the latest request counts: a new one takes the place of the one before.
+// Long work of which only the latest request matters: a new request cancels the one before.
 #pragma once
 
 #include <atomic>
@@ -12,14 +12,14 @@ namespace sightline {
 // Thread-safe.
 class LatestOnly {
  public:
-  // The right to work. Its holder checks `cancelled` now and then and gives up once it is set.
+  // The right to work. Its holder polls `cancelled` and stops once it is set.
   struct Turn {
     std::shared_ptr<std::atomic<bool>> cancelled;
     std::unique_lock<std::mutex> work;
   };
 
-  // Cancels earlier turns and waits until their holders have given them up. The turn may already be
-  // cancelled when it is got, by a later one.
+  // Cancels earlier turns and waits until their holders have stopped. A later request may already
+  // have cancelled the returned turn.
   Turn Take() {
     auto mine = std::make_shared<std::atomic<bool>>(false);
     {
@@ -37,7 +37,7 @@ class LatestOnly {
     if (latest_) *latest_ = true;
   }
 
-  // All turns from now on are cancelled ones.
+  // Cancels all turns from now on.
   void Close() {
     const std::scoped_lock lock(mutex_);
     closed_ = true;
@@ -45,7 +45,7 @@ class LatestOnly {
   }
 
  private:
-  std::mutex mutex_;  // of the two below
+  std::mutex mutex_;  // guards the two members below
   std::shared_ptr<std::atomic<bool>> latest_;
   bool closed_ = false;
   std::mutex work_;

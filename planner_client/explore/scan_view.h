@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Data for the 3-D view of a scan: poses of camera and laser, and their way.
+// Data for the 3-D view of a scan: poses of camera and laser, and their path.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -15,8 +15,8 @@ struct StageTravel {
   double length_m() const { return end_m - start_m; }
 };
 
-// Stage positions between which the laser sheet passes through the part's bounding box: at least
-// those at which frames are taken. The sheet holds the scan direction: 0 to 0.
+// Stage positions between which the laser sheet crosses the part's bounding box; this contains all
+// frames. 0 to 0 if the sheet contains the scan direction.
 StageTravel TravelThroughBox(const Rig& rig, const Eigen::AlignedBox3d& part_box_m,
                              const Measurement& measurement);
 

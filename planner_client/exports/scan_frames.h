@@ -23,11 +23,11 @@ struct ScanFrames {
   Eigen::Isometry3d PartAt(double stage_m) const;
 };
 
-// From the poses that plan.json states. INVALID_ARGUMENT names the scan and the pose that has other
-// than 16 finite numbers, or is no rotation and translation (to 1e-6).
+// Frames from the poses in plan.json. INVALID_ARGUMENT names the scan and the pose that does not
+// have 16 finite numbers, or is not a rigid transformation (to 1e-6).
 absl::StatusOr<ScanFrames> FramesOfScan(const v1::PlannedScan& scan);
 
-// Quaternion of a rotation, w >= 0: one text for one rotation.
+// Quaternion of a rotation with w >= 0, so that each rotation has one text.
 Eigen::Quaterniond QuaternionOf(const Eigen::Isometry3d& pose);
 
 }  // namespace sightline

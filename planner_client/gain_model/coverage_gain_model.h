@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Plans for coverage, asked of a coverage server and scored on validation targets too.
+// Gain model for coverage: queries a coverage server and also scores validation targets.
 #pragma once
 
 #include "planner_client/coverage_client/coverage_client.h"

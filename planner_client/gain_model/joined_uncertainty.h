@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Uncertainties of targets after scans of several set-ups: the coverage service's, which knows each
-// scan alone, with the errors that scans share (requirements/joined_scans.h).
+// Uncertainties of targets after scans of several set-ups. They combine the coverage service's
+// results, which treat scans as independent, with errors that scans share
+// (requirements/joined_scans.h).
 #pragma once
 
 #include <cstdint>
@@ -14,11 +15,11 @@
 
 namespace sightline {
 
-// `scans` are in the order in which they are made, `uncertainties` the service's for these scans,
-// of `targets` (ascending; empty: all). They become those of the joined scans; uncertainties after
-// each scan are as if all scans were joined already. The result holds what is known of all targets,
-// of those that are not asked for nothing. Errors of the service. The client's targets must outlive
-// the result.
+// `scans` are in the order of execution; `uncertainties` are the service's for these scans and
+// `targets` (ascending; empty: all). They are replaced by those of the joined scans; the values
+// after each scan assume that all scans are joined already. The result covers all targets, without
+// knowledge of those that are not in `targets`. Errors of the service. The client's targets must
+// outlive the result.
 absl::StatusOr<PlanKnowledge> JoinScans(const Inspection& inspection,
                                         const Requirements& requirements, CoverageClient& client,
                                         std::span<const Measurement> scans,

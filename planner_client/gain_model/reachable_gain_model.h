@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Scans that a robot cannot make are infeasible; they are found out before anything is asked of
-// them. Queries may come from several threads if the gain model allows that; Keep comes before.
+// Gain model in which scans that a robot cannot make are infeasible; they are sorted out before any
+// query. Thread-safe if the wrapped gain model is; call Keep before.
 #pragma once
 
 #include <array>
@@ -20,8 +20,8 @@ namespace sightline {
 
 class ReachableGainModel final : public GainModel {
  public:
-  // `travel_of` says between which stage positions a scan is expected to measure; where its frames
-  // are known they count too.
+  // `travel_of` returns the stage positions between which a scan is expected to measure. If its
+  // frames are known, they count as well.
   ReachableGainModel(std::unique_ptr<GainModel> gain_model, std::shared_ptr<const RobotCell> cell,
                      std::function<ScanTravel(const Measurement&)> travel_of, double scan_step_m)
       : gain_model_(std::move(gain_model)),
@@ -29,7 +29,7 @@ class ReachableGainModel final : public GainModel {
         travel_of_(std::move(travel_of)),
         scan_step_m_(scan_step_m) {}
 
-  // Scans that are kept as they are, reached or not.
+  // Accepts these scans as they are, even if the robot does not reach them.
   void Keep(std::span<const Measurement> scans);
 
   const TargetBits& measurable() const override { return gain_model_->measurable(); }
@@ -63,9 +63,9 @@ class ReachableGainModel final : public GainModel {
  private:
   using Key = std::array<double, kMeasurementParameters>;
 
-  // Whether each scan is reached, or kept anyway.
+  // One element per scan: true if the robot reaches it or if it is kept.
   std::vector<bool> Reached(std::span<const Measurement> measurements);
-  // Answers of the gain model to the scans that are reached, at their places among all.
+  // Answers of the gain model for reachable scans, at their indices among all.
   template <typename Answer, typename Ask>
   absl::StatusOr<std::vector<Answer>> OfReached(std::span<const Measurement> measurements,
                                                 const Ask& ask,

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Records answers of a gain model in a file and replays them, so that interrupted planning goes on.
+// Records answers of a gain model in a file and replays them, so that interrupted planning resumes.
 //
-// A strategy is a deterministic function of what the gain model answers. Run again with the answers
-// of the broken run it asks the same questions in the same order, at the speed of reading, until
-// the file ends; from there on it asks the gain model. The plan is the same, byte for byte, as if
-// nothing had happened.
+// A strategy is a deterministic function of the gain model's answers. When it runs again with the
+// recorded answers of the interrupted run, it sends the same queries in the same order, at the
+// speed of reading. Where the file ends, it continues with the gain model. The plan is identical,
+// byte for byte, to that of an uninterrupted run.
 #pragma once
 
 #include <cstdint>
@@ -23,21 +23,21 @@ namespace sightline {
 
 class RecordReplayGainModel final : public GainModel {
  public:
-  // Takes a sentence about the file that people should know.
+  // Receives a sentence about the file for people.
   using Remark = std::function<void(const std::string&)>;
 
-  // `fingerprint` names everything that the answers depend on (part, inspection, program). A file
-  // of another fingerprint is written anew. An answer that is damaged, was not written whole or is
-  // to another query is asked again, and so are those behind it. `remark`, which may be empty,
-  // hears of all of that. INTERNAL: the file cannot be opened for writing.
+  // `fingerprint` identifies everything that the answers depend on (part, inspection, program). A
+  // file with another fingerprint is overwritten. An answer that is damaged, incomplete or for
+  // another query is computed again, and so are all later ones. `remark` (may be empty) is called
+  // in each of these cases. INTERNAL: the file cannot be opened for writing.
   static absl::StatusOr<std::unique_ptr<RecordReplayGainModel>> Open(
       std::unique_ptr<GainModel> gain_model, const std::string& file,
       const std::string& fingerprint, Remark remark = {});
 
-  // Gives back the gain model that it was opened with, after which it answers nothing any more.
+  // Returns the wrapped gain model; this object must not be used afterwards.
   std::unique_ptr<GainModel> Release() { return std::move(gain_model_); }
 
-  // Queries answered from the file so far.
+  // Number of queries answered from the file so far.
   int64_t replayed_queries() const { return replayed_queries_; }
 
   const TargetBits& measurable() const override { return gain_model_->measurable(); }
@@ -52,8 +52,8 @@ class RecordReplayGainModel final : public GainModel {
       std::span<const Measurement> measurements) override;
   absl::StatusOr<std::vector<ScanCoverage>> ExactCoverage(
       std::span<const Measurement> measurements) override;
-  // As many as the gain model counts where it answers all queries itself: its count is kept with
-  // every answer, so that plans with and without a journal are equal.
+  // Same count as that of the gain model without replay: it is stored with every answer, so that
+  // plans with and without a journal are equal.
   int64_t evaluations() const override { return evaluations_; }
 
   std::vector<ShareStep> steps() const override { return gain_model_->steps(); }
@@ -66,11 +66,11 @@ class RecordReplayGainModel final : public GainModel {
   RecordReplayGainModel(std::unique_ptr<GainModel> gain_model, std::string file, Remark remark)
       : gain_model_(std::move(gain_model)), file_(std::move(file)), remark_(std::move(remark)) {}
 
-  // The next answer of the file if it is to this query and whole; ends the replay if it is not.
+  // Reads the next answer of the file; ends the replay if it is incomplete or for another query.
   bool NextAnswer(uint64_t query, std::string* answer);
   void EndReplay(const std::string& why);
   void Append(uint64_t query, const std::string& answer);
-  // From the file, or from `ask` and then into the file.
+  // Reads the answer from the file, or calls `ask` and appends the result.
   template <typename Answer>
   absl::StatusOr<Answer> AnswerTo(uint64_t query,
                                   const std::function<absl::StatusOr<Answer>()>& ask);

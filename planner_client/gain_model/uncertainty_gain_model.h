@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Plans for uncertainty, asked of a coverage server: a target is satisfied when its uncertainty is
-// admissible (thesis eq. 3.2). A scan's fraction is its information over the information that this
-// needs.
+// Gain model for uncertainty, which queries a coverage server. A target is satisfied when its
+// uncertainty is admissible (thesis eq. 3.2). A scan's fraction is its information divided by the
+// information that this requires.
 #pragma once
 
 #include <array>
@@ -16,14 +16,14 @@ namespace sightline {
 struct TolerancedTargets {
   TargetBits bits;                              // measurable, and a tolerance binds them
   std::vector<float> admissible_uncertainty_m;  // 0: not toleranced
-  // Information density [1/m^4] after which the uncertainty is admissible, and relaxed; infinite
-  // where a target is not toleranced.
+  // Information density [1/m^4] at which the uncertainty is admissible, and at which it is relaxed;
+  // infinite if a target is not toleranced.
   std::vector<float> admissible_density;
   std::vector<float> relaxed_density;
 };
 
-// `admissible_uncertainty_m`: one per target of the client's scene. Targets whose admissible
-// uncertainty is not below the prior need nothing.
+// `admissible_uncertainty_m`: one per target of the client's scene. A target whose admissible
+// uncertainty is not below the prior one requires no information.
 TolerancedTargets FindTolerancedTargets(const CoverageClient& client, const UncertaintyModel& model,
                                         const TargetSampling& sampling,
                                         std::vector<float> admissible_uncertainty_m,
@@ -52,7 +52,7 @@ class UncertaintyGainModel final : public GainModel {
                                                       std::span<const float> weights) override;
   absl::StatusOr<std::vector<ScanCoverage>> FastCoverage(
       std::span<const Measurement> measurements) override;
-  // Coverage, which gives a scan's travel and its feasibility.
+  // Coverage, for a scan's travel and its feasibility.
   absl::StatusOr<std::vector<ScanCoverage>> ExactCoverage(
       std::span<const Measurement> measurements) override;
   int64_t evaluations() const override { return planned_.client->evaluations(); }
@@ -67,7 +67,7 @@ class UncertaintyGainModel final : public GainModel {
   struct Counts {
     int64_t satisfied = 0, relaxed = 0;
   };
-  // Exact, of all toleranced targets or estimated from a part of them.
+  // Exact counts over all toleranced targets, or estimates from a subset.
   absl::StatusOr<Counts> Count(const Sampling& sampling, std::span<const Measurement> scans,
                                bool thorough) const;
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// JSON with comments that explain the fields to people.
+// JSON with comments that explain its fields.
 #pragma once
 
 #include <google/protobuf/message.h>
@@ -9,7 +9,7 @@
 
 namespace sightline {
 
-// Comments by the path of the field that they stand before, "targets.spacing_m"; "": before all.
+// Comments by the path of the field that they precede, "targets.spacing_m"; "": before all.
 using FieldComments = std::map<std::string, std::string>;
 
 // ToJson with the comments of fields that it writes, a line for every 96 columns, each from `//` to

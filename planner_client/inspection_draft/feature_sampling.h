@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Denser sampling of small toleranced surfaces: an 11 mm hole has four targets at the spacing that
-// suits the whole part, too few to fit anything to.
+// Denser sampling of small toleranced surfaces. At the spacing that suits the whole part, an 11 mm
+// hole has four targets, too few for a fit.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -25,15 +25,15 @@ struct TolerancedSurface {
 std::vector<TolerancedSurface> TolerancedSurfacesOf(const ToleranceReport& report,
                                                     std::span<const FaceTriangles> faces);
 
-// Targets that every surface is to have at least. A fit needs kFewestFeatureTargets, and its form
-// several for each of its parameters.
+// Least number of targets of every toleranced surface. A fit needs kFewestFeatureTargets; its form
+// needs several targets per parameter.
 inline constexpr int kWishedFeatureTargets = 25;
 // Most regions; the surfaces with the fewest targets get them.
 inline constexpr size_t kMostSampledFeatures = 200;
 
-// A region of targets for each surface that has fewer than kWishedFeatureTargets at the general
-// spacing [m], in the order of the surfaces. A surface of the area A gets about kTargetsPerSpacing2
-// A / s^2 targets at the spacing s, which is rounded down to a multiple of 0.05 mm, but at least
+// Returns a region of targets for each surface with fewer than kWishedFeatureTargets at the general
+// spacing [m], in the order of the surfaces. At the spacing s a surface of area A gets about
+// kTargetsPerSpacing2 A / s^2 targets. s is rounded down to a multiple of 0.05 mm, but is at least
 // 0.1 mm.
 std::vector<v1::TargetRegion> SampleFeatures(std::span<const TolerancedSurface> surfaces,
                                              double spacing_m);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A first inspection.json for a part: the engineer's values, and for the rest values that follow
-// from the part's size.
+// Drafts a first inspection.json for a part: the engineer's values, and defaults derived from the
+// part's size.
 #pragma once
 
 #include <optional>
@@ -17,26 +17,27 @@
 
 namespace sightline {
 
-// Known facts and wishes. Files are as they are to stand in the inspection.
+// Known facts and wishes. File names are those to be written into the inspection.
 struct DraftRequest {
   std::string name;
   std::string part_file, part_unit;
-  bool construction_geometry = false;  // of a STEP file, part of the part
+  bool construction_geometry =
+      false;  // of a STEP file: use construction geometry as part of the part
   PartHealth health;
   v1::Rig::PartHolding holding = v1::Rig::PART_HOLDING_RESTING;
   RigWish rig;
 
-  // Devices of a catalogue; `camera_file` is the camera's file. A camera without a lens gets the
-  // one that suits the part best.
+  // Devices of a catalogue; `camera_file` is the camera's file. For a camera without a lens, the
+  // lens that suits the part best is chosen.
   std::optional<DeviceCamera> camera;
   std::string camera_file;
   std::optional<DeviceLens> lens;
   std::optional<DeviceLaser> laser;
   std::vector<DeviceLens> lenses;  // to choose from
-  // Camera and laser in one housing, instead of these three; `rig` has its stand-off and angle.
+  // Replaces these three by one housing with camera and laser; `rig` has its stand-off and angle.
   std::optional<DeviceProfileSensor> profile_sensor;
 
-  // Instead of these, single numbers.
+  // Single numbers in place of catalogue devices.
   std::optional<int> columns_px, rows_px;
   std::optional<double> pixel_pitch_m, vertical_fov_deg, focal_length_m, f_number;
 
@@ -49,7 +50,7 @@ struct DraftRequest {
   std::string tolerance_unit;  // of that file, if it states none
   // Faces that its tolerances and datums bind; empty where the file gives no surfaces.
   std::vector<TolerancedSurface> toleranced_surfaces;
-  // Tolerances that the part's STEP file has, for a word on them; 0: none, or not looked for.
+  // Number of tolerances in the part's STEP file, for a hint; 0: none, or not examined.
   int tolerances_in_part = 0;
 };
 
@@ -60,16 +61,16 @@ struct InspectionDraft {
   std::string lens;              // name of the one that was chosen from `lenses`
 };
 
-// Whether a lens is given for a camera whose field of view nothing states: neither a catalogue's
-// camera nor a pixel pitch nor a field of view.
+// True if a lens is given but nothing determines the camera's field of view: no camera of a
+// catalogue, no pixel pitch, no field of view.
 bool NeedsPixelPitch(const DraftRequest& request);
 
-// INVALID_ARGUMENT: of the lenses none suits the camera, numbers are given beside a catalogue's
-// device, or NeedsPixelPitch.
+// INVALID_ARGUMENT if no lens suits the camera, if numbers are given in addition to a catalogue's
+// device, or if NeedsPixelPitch.
 absl::StatusOr<InspectionDraft> DraftInspection(const DraftRequest& request);
 
-// Distance between targets that gives a part of this area about 8000 of them, rounded to 1, 1.5, 2,
-// 3, 5 or 7 times a power of ten; in [0.0001, 0.1] m.
+// Distance between targets at which a part of this area has about 8000 of them, rounded to 1, 1.5,
+// 2, 3, 5 or 7 times a power of ten, in [0.0001, 0.1] m.
 double SpacingFor(double area_m2);
 
 }  // namespace sightline

@@ -23,22 +23,22 @@ enum class RigKind {
 struct RigWish {
   RigKind kind = RigKind::kFree;
   // The housing's angles and stand-offs: several for a rigid head that comes in several models or
-  // can be set; one of each for a robot.
+  // is adjustable; one of each for a robot.
   std::vector<double> triangulation_angles_deg, stand_offs_m;
-  // Steps in which angles and camera distances are set; unset: any value.
+  // Steps of adjustable angles and camera distances; if unset, any value.
   std::optional<double> angle_step_deg, distance_step_m;
   bool stage_moves_in_height = true;
-  // For turntable and robot; `urdf` as it is to stand in the inspection.
+  // For turntable and robot; `urdf` is the file name to be written into the inspection.
   std::string urdf, tip_link;
 };
 
-// The kind of this name: free, rigid, turntable or robot; unset: none.
+// Parses free, rigid, turntable or robot; nothing for other names.
 std::optional<RigKind> RigKindNamed(const std::string& name);
 
-// Fills in rig, laser.distance_m and measurement. A stand-off is the distance of the laser's source
-// from where line of sight and laser plane meet; the camera of a housing stands beside it, so that
-// its distance is stand-off / cos(triangulation angle). INVALID_ARGUMENT names the option that is
-// missing or does not go with the kind, and values outside Table 2.1.
+// Fills in rig, laser.distance_m and measurement. The stand-off is the distance from the laser's
+// source to the point where line of sight and laser plane meet. The camera of a housing is beside
+// the laser, so its distance is stand-off / cos(triangulation angle). INVALID_ARGUMENT names an
+// option that is missing or does not fit the kind, and values outside Table 2.1.
 absl::Status DraftRig(const RigWish& wish, const PartHealth& health, v1::Inspection* inspection,
                       FieldComments* comments);
 

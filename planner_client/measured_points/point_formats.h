@@ -11,21 +11,21 @@
 
 namespace sightline {
 
-// Points of a PCD file of version 0.7: ASCII, binary or binary_compressed, with the fields x, y and
-// z and perhaps normal_x, normal_y, normal_z, all of type F. Points with a coordinate that is not
-// finite are counted as without value: organised clouds have them where nothing was measured.
-// `bytes` are those of the file. The message of an error is the reason alone.
+// Points of a PCD file of version 0.7 in ASCII, binary or binary_compressed, with the fields x, y,
+// z and optionally normal_x, normal_y, normal_z, all of type F. Points with a coordinate that is
+// not finite are counted as without value: organised clouds mark unmeasured pixels so. `bytes`:
+// content of the file. The message of an error is only the reason.
 absl::StatusOr<MeasuredPoints> ReadPcd(std::string_view bytes, int64_t most_points);
 
-// Profiles as text: a first line with the names of the columns, among them stage, x and z with
-// their units as in `stage_mm,x_mm,z_mm` (m, mm, um or inch); other columns are not looked at.
-// Decimal and separating signs as in core/text/number_table.h. `path` is for messages, which begin
-// with it.
+// Profiles as text. The first line names the columns, among them stage, x and z with
+// units as in `stage_mm,x_mm,z_mm` (m, mm, um or inch); other columns are ignored.
+// Decimal and separating signs as in core/text/number_table.h. `path` begins every
+// message.
 absl::StatusOr<MeasuredPoints> ReadProfileCsv(std::string_view text, const std::string& path,
                                               const PointFileFrame& frame, int64_t most_points);
 
-// A depth raster (v1::DepthRaster) and its description, which has the same name and the suffix
-// .json. Messages begin with the file that is wrong.
+// A depth raster (v1::DepthRaster) and its description in a .json file of the same name. Messages
+// begin with the file that is wrong.
 absl::StatusOr<MeasuredPoints> ReadDepthRaster(const std::string& path, const PointFileFrame& frame,
                                                int64_t most_points);
 

@@ -26,7 +26,7 @@ struct PointFileFrame {
   // Applied to PLY and PCD points after the unit: x_cad = pose x.
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
   // x_cad = M x_laser with the stage at a position [m]; the laser's line lies along x, its central
-  // ray along z. For CSV and rasters; null: such files are refused.
+  // ray along z. Needed for CSV and rasters: if null, such files are rejected.
   std::function<Eigen::Isometry3d(double stage_m)> laser_at;
 };
 
@@ -35,13 +35,13 @@ struct MeasuredPoints {
   int64_t without_value = 0;  // points that the format marks as not measured
 };
 
-// Suffixes without their dots that ReadMeasuredPoints takes, in lower case.
+// Suffixes, without dots and in lower case, that ReadMeasuredPoints accepts.
 std::vector<std::string> MeasuredPointFormats();
 
-// At most `most_points` points, which is checked before they take memory where the format states
-// their number. INVALID_ARGUMENT names the file and the reason: another suffix (E57 with advice),
-// damaged, no points, a coordinate that is not finite where the format has no such points, too
-// many. NOT_FOUND: no such file.
+// Reads at most `most_points` points; if the format states their number, the limit is checked
+// before memory is allocated. INVALID_ARGUMENT names the file and the reason: another suffix (E57
+// with advice), damage, no points, a coordinate that is not finite if the format has no unmeasured
+// points, or too many points. NOT_FOUND: no such file.
 absl::StatusOr<MeasuredPoints> ReadMeasuredPoints(const std::string& path,
                                                   const PointFileFrame& frame, int64_t most_points);
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Asks a render worker for the exposure times that show the laser line on materials, and keeps the
-// answers.
+// Asks a render worker for the exposure times at which the laser line is visible on materials, and
+// caches the answers.
 #pragma once
 
 #include <functional>
@@ -14,19 +14,19 @@
 
 namespace sightline {
 
-// A question about detectability, of the fields of an inspection that it depends on.
+// A question about detectability, made from the fields of an inspection that it depends on.
 struct DetectabilityQuestion {
   v1::CreateDetectabilityRequest request;  // without id and assets
   std::vector<AssetFile> assets;
 };
 
-// Runs the job. Errors of the job; INTERNAL, with a word on why, if the worker ended.
+// Runs the job. Errors of the job; INTERNAL, with the cause, if the worker ended.
 absl::StatusOr<v1::DetectabilityTable> AskDetectability(const WorkerClientOptions& options,
                                                         const DetectabilityQuestion& question);
 
-// The kept answer to the question by the worker of that build, or else the one that `ask` gives,
-// which is kept from then on: as a file in `folder`, which exists, named by the SHA-256 of question
-// and build. Answers that nobody asked for in 30 days go. A damaged file is asked for again.
+// Returns the cached answer to the question by this build of the worker, or calls `ask` and stores
+// the result as a file in `folder`, which must exist. The file name is the SHA-256 of question and
+// build. Answers unused for 30 days are removed. A damaged file is replaced.
 absl::StatusOr<v1::DetectabilityTable> KeptDetectability(
     const std::string& folder, const std::string& worker_build,
     const DetectabilityQuestion& question,

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How the detection learned from images differs from the one that scans were planned for: when
-// planning geometry and optics in turn has come to rest.
+// Difference between the detection learned from images and the one that scans were planned for. It
+// decides when alternating planning of geometry and optics has converged.
 #pragma once
 
 #include "absl/status/statusor.h"
@@ -9,18 +9,18 @@
 
 namespace sightline {
 
-// The table as planning reads it. INVALID_ARGUMENT as ParseUncertainty.
+// The table as planning uses it. INVALID_ARGUMENT as ParseUncertainty.
 absl::StatusOr<LineDetectionNoise> NoiseOf(const v1::LearnedDetection& learned);
 
 // Statistics of d_i = ln(u learned / u planned for) over the entries of the learned table.
 struct DetectionChange {
   double root_mean_square = 0;
-  // Root mean square of d_i over the standard error of the learned u, and with it that of the
-  // earlier table if that was learned too (as large at every entry as its mean square is).
+  // Root mean square of d_i over the standard error of the learned u, combined with the error of
+  // the earlier table if that was learned too (as large at every entry as its mean square).
   double in_standard_errors = 0;
 
-  // The change is by chance (two standard errors), or too small to move a scan: a hundredth of u is
-  // a hundredth of what a target needs.
+  // True if the change is within chance (two standard errors), or too small to move a scan: 1 % of
+  // u, and thus of what a target needs.
   bool IsNone() const { return in_standard_errors <= 2 || root_mean_square <= 0.01; }
 };
 // `earlier_error`: mean relative standard error of `planned_for`; 0: it was stated, not learned.

@@ -10,8 +10,8 @@
 
 namespace sightline {
 
-// `request` without its id and assets, which are set here. Errors of the job; INTERNAL, with a word
-// on why, if the worker ended.
+// `request` without its id and assets, which are set here. Errors of the job; INTERNAL, with the
+// cause, if the worker ended.
 absl::StatusOr<v1::OpticsPlan> PlanOptics(const WorkerClientOptions& options,
                                           v1::CreateOpticsRequest request,
                                           const std::vector<AssetFile>& assets);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Folders that this user alone can enter.
+// Folders that only this user can enter.
 #pragma once
 
 #include <string>
@@ -14,8 +14,8 @@ namespace sightline {
 // another user.
 absl::Status MakePrivateFolder(const std::string& folder);
 
-// $XDG_CACHE_HOME/sightline/NAME, else ~/.cache/sightline/NAME; where neither can be used, a folder
-// of this process, gone when it ends. INVALID_ARGUMENT: not even that can be made.
+// $XDG_CACHE_HOME/sightline/NAME, else ~/.cache/sightline/NAME; if neither is usable, a folder of
+// this process that is removed when it ends. INVALID_ARGUMENT if that one cannot be made either.
 absl::StatusOr<std::string> UserCacheFolder(const std::string& name);
 
 // Removes the files of a cache that were last written or touched more than 30 days ago.

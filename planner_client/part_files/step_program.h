@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// The program that reads STEP files: OpenCASCADE, which brings X11 libraries, is not to be part of
-// this one.
-//
-// A CAD system may save a file while it is read. Its bytes are therefore read once, into memory;
-// both the digest and the program use them.
+// Runs the program that reads STEP files. It is separate to keep OpenCASCADE, which depends on X11
+// libraries, out of this one.
+// A CAD system may save a file while it is read. Its bytes are
+// therefore read into memory once; both the digest and the program use
+// them.
 #pragma once
 
 #include <string>
@@ -18,7 +18,7 @@ namespace sightline {
 
 inline constexpr char kStepProgram[] = "sightline_step_import";
 
-// By the suffix of its name: .stp, .step or .p21, in any case.
+// True for the suffixes .stp, .step and .p21 in any case.
 bool IsStepFile(const std::string& file);
 
 struct StepProgramOptions {
@@ -27,8 +27,8 @@ struct StepProgramOptions {
   absl::Duration time_limit = absl::Minutes(10);
 };
 
-// Returns the program's path. NOT_FOUND says where it was looked for and how to get it; `file`: of
-// the message.
+// Returns the program's path. NOT_FOUND states where it was searched and how to install it; `file`:
+// for the message.
 absl::StatusOr<std::string> FindStepProgram(const std::string& file,
                                             const StepProgramOptions& options);
 
@@ -58,20 +58,20 @@ class StepFile {
   int descriptor_ = -1;
 };
 
-// Runs the program on these bytes with further arguments, one call at a time for one StepFile.
-// Returns its standard output.
-// INVALID_ARGUMENT: the file is wrong (the message names it). NOT_FOUND: as FindStepProgram.
-// CANCELLED: it was interrupted. DEADLINE_EXCEEDED, INTERNAL: it took too long or failed; the
-// message ends with its stderr.
+// Runs the program on these bytes with further arguments and returns its standard output.
+// Only one call at a time for one StepFile. INVALID_ARGUMENT: the file is wrong (the
+// message names it). NOT_FOUND: as FindStepProgram. CANCELLED: interrupted.
+// DEADLINE_EXCEEDED, INTERNAL: it took too long or failed; the message ends with its
+// stderr.
 absl::StatusOr<std::string> RunStepImport(const StepFile& file,
                                           const std::vector<std::string>& arguments,
                                           const StepProgramOptions& options);
-// The same of a file on disk. Errors also as of StepFile::Read.
+// The same for a file on disk. Errors also as StepFile::Read.
 absl::StatusOr<std::string> RunStepImport(const std::string& file,
                                           const std::vector<std::string>& arguments,
                                           const StepProgramOptions& options);
 
-// Whether the program refused a file because that states no length unit and none was given.
+// True if the program rejected a file that states no length unit because none was given.
 bool IsMissingStepUnit(const absl::Status& status);
 
 }  // namespace sightline

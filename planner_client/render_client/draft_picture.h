@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A quick picture of what the camera would record: the renderer's image with fewer, larger pixels.
+// A quick preview of the camera's image: rendered with fewer, larger pixels.
 #pragma once
 
 #include <atomic>
@@ -31,30 +31,30 @@ inline constexpr int64_t kDraftPixels = 60'000;
 
 struct DraftSettings {
   int64_t max_pixels = kDraftPixels;
-  // Standard error of the incoherent image relative to the local signal; few samples keep it from
-  // being met where the light is difficult.
+  // Standard error of the incoherent image relative to the local signal. With few samples,
+  // difficult light does not reach it.
   double noise_relative = 0.2;
 };
 
-// A draft of a request for images of a part, whose inspection is self-contained (see
-// v1::PartRender). Pixels are joined to squares until at most `max_pixels` are left, up to three at
-// the edges left out; the exposure (and with it the motion blur, by a faster stage) is shortened so
-// that each collects as much light as the camera's own do. No speckle, one reflection, few samples.
-// `reduction`: pixels of the camera per pixel and axis.
+// Changes a request for images of a part into a draft; its inspection is self-contained (see
+// v1::PartRender). Square groups of pixels are joined until at most `max_pixels` are left, with up
+// to three pixels lost at the edges. The exposure (and, by a faster stage, the motion blur) is
+// shortened so that each group collects as much light as one pixel of the camera. No speckle, one
+// reflection, few samples. `reduction`: pixels of the camera per pixel and axis.
 v1::RenderSpec DraftOf(v1::RenderSpec spec, const DraftSettings& settings, int* reduction);
 
 // The same for one frame, as PNG.
 v1::RenderSpec DraftSpec(const v1::Inspection& inspection, const v1::PartFrame& frame,
                          int64_t max_pixels, int* reduction);
 
-// A raw image (16-bit greyscale PNG, `bit_depth_bit` in use, RGGB mosaic if `bayer`) as a screen
-// shows it: black at `black_dn`, white at the end of the sensor's scale, so that longer exposures
-// look brighter. INTERNAL: `file` is no such image.
+// Converts a raw image (16-bit greyscale PNG, `bit_depth_bit` in use, RGGB mosaic if `bayer`) for a
+// screen: black at `black_dn`, white at the sensor's full scale, so that longer exposures look
+// brighter. INTERNAL: `file` is no such image.
 absl::StatusOr<DraftPicture> PictureOfRaw(const std::string& file, int bit_depth_bit,
                                           double black_dn, bool bayer);
 
-// Draws with a render worker. `inspection`: as for DraftSpec, its `assets` as files; `worker` says
-// where it is and must outlive the returned function.
+// Draws with a render worker. `inspection`: as for DraftSpec, its `assets` as files. `worker` has
+// the address and must outlive the returned function.
 DrawDraft DrawWithWorker(v1::Inspection inspection, std::vector<AssetFile> assets,
                          ServerAccess worker);
 

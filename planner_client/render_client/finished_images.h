@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Images of a request that are in a folder already, from which an interrupted rendering goes on.
+// Finished images of a request in a folder, from which an interrupted rendering continues.
 #pragma once
 
 #include <fstream>
@@ -12,14 +12,14 @@
 
 namespace sightline {
 
-// A list of finished images in a file, a line of JSON each, under the digest of the request that
-// they answer and of the worker that made them.
+// A list of finished images in a file, one JSON line each, with the digest of their request and of
+// the worker that made them.
 class FinishedImages {
  public:
-  // Reads the list at `file`, and those of others beside it, whose names begin like it; it is
-  // written anew. Entries of another request, of a worker of another build (`worker_build`:
-  // GetRenderWorkerResponse.server_build) or damaged ones do not count, nor do images whose files
-  // are not in `folder` any more or have other bytes. INTERNAL: the file cannot be written.
+  // Reads the list in `file` and other lists beside it whose names begin alike, and rewrites
+  // `file`. Entries are ignored if they are damaged or belong to another request or another build
+  // of the worker (`worker_build`: GetRenderWorkerResponse.server_build), and so are images whose
+  // files are missing from `folder` or have changed. INTERNAL: the file cannot be written.
   static absl::StatusOr<FinishedImages> Open(const std::string& file, const std::string& folder,
                                              const v1::RenderSpec& spec,
                                              const std::string& worker_build);
@@ -28,12 +28,12 @@ class FinishedImages {
   const std::vector<int>& images() const { return images_; }
   // Their files.
   const std::vector<std::string>& files() const { return files_; }
-  // A sentence on every list that does not count, and on every image of the others that is not
-  // whole any more.
+  // A sentence for every ignored list, and for every image of the others that is no longer
+  // intact.
   const std::vector<std::string>& remarks() const { return remarks_; }
 
-  // A file that is complete in the folder. All files of an image come one after the other; the next
-  // image's first one, or one of image -1, says that it is finished.
+  // Adds a file that is complete in the folder. All files of an image must come consecutively; the
+  // first file of the next image, or of image -1, marks it as finished.
   void AddFile(int image, const std::string& file, const std::string& sha256);
 
  private:

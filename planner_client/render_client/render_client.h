@@ -14,21 +14,21 @@ namespace sightline {
 
 struct RenderClientOptions : WorkerClientOptions {
   std::function<void(const std::string& warning)> on_warning;
-  // The file that lists the finished images; the same request with the same file and folder
-  // makes only the others. Empty: nowhere.
-  // Images that are listed in other files of that folder, whose names begin like this one's, count
-  // as finished as well.
+  // File that lists finished images. With the same request, file and
+  // folder, only the missing ones are made. Images in other lists of that
+  // folder whose names begin alike count as finished, too. Empty: no
+  // list.
   std::string checkpoint_file;
-  // Makes only every `part_count`-th image, of number `part` (from 0) first, and no
+  // Makes only every `part_count`-th image, starting with number `part` (from 0), and no
   // recordings.json.
   int part = 0;
   int part_count = 1;
 };
 
-// Uploads missing files, renders, and writes every file into `folder` once it is
-// complete and its digest is right: under another name first, then renamed. recordings.json comes
-// last, so that a folder that has one has all its images. Returns the files' names. UNAVAILABLE:
-// the worker ended; the message says how. CANCELLED: interrupted. Other errors are the worker's.
+// Uploads missing files, renders, and writes every file into `folder` once it is complete and its
+// digest agrees: first under another name, then renamed. recordings.json comes last, so a folder
+// that has it has all images. Returns the files' names. UNAVAILABLE: the worker ended; the message
+// says how. CANCELLED: interrupted. Other errors are the worker's.
 absl::StatusOr<std::vector<std::string>> RenderToFolder(const RenderClientOptions& options,
                                                         v1::RenderSpec spec,
                                                         const std::vector<AssetFile>& assets,

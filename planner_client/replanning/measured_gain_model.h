@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Plans whose first scans have been measured: their points say which targets they satisfy. For the
-// other scans simulation on the part as it was found does.
+// Gain model for plans whose first scans have been measured: their points determine the targets
+// that these satisfy. Other scans are simulated on the part as measured.
 #pragma once
 
 #include <memory>
@@ -27,27 +27,27 @@ struct MeasuredTargets {
 
 class MeasuredGainModel final : public GainModel {
  public:
-  // `scans`: those measured, as plans name them. `planned`, `fresh`: the information of their
-  // points about the targets of `gain model`; fresh: unset if that has no validation targets.
+  // `scans`: the measured scans as in the plan. `planned`, `fresh`: information of their points
+  // about the targets of `gain_model`; `fresh` is unset if that has no validation targets.
   MeasuredGainModel(std::unique_ptr<GainModel> gain_model, std::vector<Measurement> scans,
                     MeasuredTargets planned, std::optional<MeasuredTargets> fresh,
                     double relaxed_uncertainty_m);
 
-  // Measured scans satisfy targets by their points; they are feasible, since they have been made.
+  // Measured scans satisfy targets by their points. They count as feasible, since they were made.
   absl::StatusOr<std::vector<ScanCoverage>> FastCoverage(
       std::span<const Measurement> measurements) override;
   absl::StatusOr<std::vector<ScanCoverage>> ExactCoverage(
       std::span<const Measurement> measurements) override;
-  // Targets that the points leave open are those that the other scans must satisfy. Information
-  // densities add up (docs/method.md): that of the points is the density after which the surface
-  // would be known as well as they make it known, that of the others likewise. The whole of the
-  // targets is always looked at.
+  // The other scans must satisfy the targets that the points leave open. Information densities
+  // add up (docs/method.md): the density of the points is the one that gives the same
+  // uncertainty as they do, and likewise for the other scans. All targets are always
+  // evaluated.
   absl::StatusOr<PlanScore> ScorePlan(std::span<const Measurement> scans, bool thorough) override;
   absl::StatusOr<std::vector<PlanScore>> ScoreGrowingPlan(
       std::span<const Measurement> scans) override;
 
-  // Uncertainties of all targets after a plan and after each of its scans, likewise. Only of plans
-  // for uncertainty.
+  // Uncertainties of all targets after a plan and after each of its scans, computed alike. Only for
+  // plans for uncertainty.
   absl::StatusOr<PosteriorUncertainties> Uncertainties(std::span<const Measurement> scans) const;
 
   const TargetBits& measurable() const override { return gain_model_->measurable(); }
@@ -70,10 +70,10 @@ class MeasuredGainModel final : public GainModel {
   bool ScoresPlans() const override { return gain_model_->ScoresPlans(); }
 
  private:
-  // Index of the measured scan that a measurement is.
+  // Index of the measured scan that equals a measurement.
   std::optional<size_t> MeasuredIndex(const Measurement& scan) const;
-  // `coverages` of `measurements`, those of measured scans by their points; change(index of the
-  // measured scan, coverage) sets the rest.
+  // Replaces those `coverages` that belong to measured scans by the points' coverage; change(index
+  // of the measured scan, coverage) sets the rest.
   template <typename Change>
   absl::StatusOr<std::vector<ScanCoverage>> AsMeasured(
       absl::StatusOr<std::vector<ScanCoverage>> coverages,

@@ -13,7 +13,7 @@
 
 namespace sightline {
 
-// Names the uploadable files from `first` on, `count` of them.
+// Adds the digests of `count` uploadable files, starting at `first`.
 inline void AddAssetDigests(const WorkerCall& call, const std::vector<AssetFile>& files,
                             size_t first, size_t count,
                             google::protobuf::RepeatedPtrField<v1::RenderAsset>* assets) {
@@ -25,8 +25,8 @@ inline void AddAssetDigests(const WorkerCall& call, const std::vector<AssetFile>
 }
 
 // Creates a job, waits for its end and fetches its answer. `create` sets `created`. With
-// `on_waiting_for_rest` a job that an interrupt has cancelled is waited for until it has ended with
-// the step at hand, since it may leave a partial result; it is called when the waiting begins.
+// `on_waiting_for_rest`, a job that an interrupt has cancelled is awaited until it finishes its
+// current step, since it may leave a partial result; the function is called when that wait begins.
 template <typename Created>
 absl::Status RunAnswerJob(WorkerCall* call, const Created& created,
                           const std::function<grpc::Status(grpc::ClientContext*)>& create,

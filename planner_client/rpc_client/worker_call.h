@@ -22,8 +22,8 @@
 namespace sightline {
 
 struct WorkerClientOptions : ServerAccess {
-  // UNAVAILABLE before the job was created is tried again for at most this long. Later it is an
-  // error: a worker that ended has lost the job.
+  // UNAVAILABLE is retried for at most this time, but only before the job was created. Later it is
+  // an error: a worker that ended has lost the job.
   absl::Duration retry_for = absl::Seconds(10);
   std::function<void(double progress, const std::string& message)> on_progress;
   // Cancels the job when it becomes true. May be null.
@@ -32,13 +32,13 @@ struct WorkerClientOptions : ServerAccess {
 
 // A file that goes with a request.
 struct AssetFile {
-  std::string file;  // as it stands in the request
+  std::string file;  // as in the request
   std::string bytes;
 };
 
 class WorkerCall {
  public:
-  // Both must outlive it.
+  // Both must outlive this object.
   WorkerCall(const WorkerClientOptions& options, const std::vector<AssetFile>& assets);
 
   const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
@@ -50,18 +50,18 @@ class WorkerCall {
   // UNAVAILABLE. `create` sends the same request every time.
   absl::Status Create(const std::function<grpc::Status(grpc::ClientContext*)>& create);
 
-  // Reports progress until the job is finished; the stream's error if it ends before. A step that
-  // takes long is reported every second, so that the time it takes is seen to pass. These reports
-  // come from a thread of their own, one report at a time.
+  // Reports progress until the job is finished; returns the stream's error if it ends earlier.
+  // During a long step, progress is reported every second to show the elapsed time. These reports
+  // come from a separate thread, one at a time.
   absl::Status Watch(const std::string& job_id, grpc::ClientContext* context);
-  // While it runs: an interrupt cancels the job and `context`. Ends when asked to stop.
+  // Thread that cancels the job and `context` after an interrupt, until it is asked to stop.
   std::jthread CancelWhenInterrupted(const std::string& job_id, grpc::ClientContext* context);
-  // Watches the job until it is finished, however that is; cancels it if the stream breaks for
-  // another reason than the end of the worker.
+  // Watches the job until it is finished in any state. Cancels it if the stream breaks although the
+  // worker is alive.
   absl::Status WaitForJob(const std::string& job_id);
   void Cancel(const std::string& job_id);
 
-  // Why the worker does not answer any more; other errors as they are. `interrupted`: the message
+  // The reason why the worker no longer answers; other errors unchanged. `interrupted`: message
   // after an interrupt.
   absl::Status Explained(const absl::Status& status, const std::string& interrupted) const;
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// How finely and under which angles a scan measures the points that it measures: exact, from the
-// points and the poses of camera and laser. These numbers have no noise; core/triangulation has
-// their effect on the uncertainty of points.
+// Resolution and angles at which a scan measures its points: exact, from the points and the poses
+// of camera and laser. These numbers contain no noise; core/triangulation computes their effect on
+// the uncertainty of points.
 #pragma once
 
 #include <Eigen/Core>
@@ -30,8 +30,8 @@ struct PointQuality {
   double laser_incidence_rad = 0;
 };
 
-// Quality of a point with a unit normal; both and the geometry in world coordinates, the stage
-// where the point is lit. Points at the pupil or the source give NaN.
+// Quality of a point with a unit normal. Both and the geometry are in world coordinates, with the
+// stage where the point is lit. Points at the pupil or the source give NaN.
 PointQuality QualityOfPoint(const Camera& camera, const ScanGeometry& geometry,
                             const Eigen::Vector3d& point_m, const Eigen::Vector3d& normal);
 
@@ -40,7 +40,7 @@ PointQuality QualityOfPoint(const Camera& camera, const ScanGeometry& geometry,
 struct Spread {
   double low = 0, median = 0, high = 0;
 };
-// Sorts what it is given; finite values, at least one.
+// Spread of the finite values, of which at least one is needed.
 Spread SpreadOf(std::vector<double> values);
 
 struct ScanQuality {
@@ -55,13 +55,13 @@ struct MeasuredPoint {
   int frame = 0;
 };
 
-// Over the points of a scan; unset without any.
+// Quality over the points of a scan; nothing without points.
 std::optional<ScanQuality> QualityOfScan(const Rig& rig, const Measurement& measurement,
                                          const Eigen::Vector3d& part_centre_m,
                                          std::span<const MeasuredPoint> points);
 
-// Depth per pixel [m] of every target by the scan that covers it best; 0 where no scan covers it.
-// `measurements` and `covered` (one bit per target) go together. The stage is where the target
+// Depth per pixel [m] of every target for the scan that covers it best; 0 if no scan covers it.
+// `measurements` and `covered` (one bit per target) are parallel. The stage is where the target
 // itself is lit.
 std::vector<float> BestDepthPerPixel(const Rig& rig, std::span<const Measurement> measurements,
                                      std::span<const TargetBits> covered,

@@ -19,7 +19,7 @@ struct SheetPart {
 
   const TriangleMesh& mesh;
   Eigen::AlignedBox3d box_m;
-  // A vertex for each cell of a grid over the part that holds any, for drawings.
+  // One vertex for each occupied cell of a grid over the part, for drawings.
   std::vector<Eigen::Vector3d> drawn_m;
 };
 
@@ -29,34 +29,35 @@ struct SheetScan {
   const ScanFrames& frames;
   const SheetPart& part;
   const std::string& picture_png;  // empty: none
-  const std::string& face_png;     // the face that is down, from outside; empty: none
+  const std::string& face_png;     // the resting face from outside; empty: none
 };
 
 // Remarks on the scan, and whether it is kept as given.
 ReportBlocks SheetRemarks(const v1::PlannedScan& scan);
 
-// Pictures of the scan and of the face that is down, side view and top view.
+// Pictures of the scan and of the resting face, side view and top view.
 v1::ReportBlock SheetPictures(const SheetScan& of);
 
-// How the part gets where it belongs, step by step.
+// Steps to place the part.
 v1::ReportBlock SheetPartPlace(const SheetScan& of);
 
-// To check that the part is turned as meant.
+// Axes to check that the part is turned as intended.
 v1::ReportBlock SheetPartAxes(const SheetScan& of);
 
 // Corners of the CAD bounding box, in the machine.
 v1::ReportBlock SheetCorners(const SheetScan& of);
 
-// Places and directions of camera and laser. Those in one housing are placed by the housing's
-// stand-off and turns.
+// Positions and directions of camera and laser. For a common housing, its stand-off and turns are
+// given.
 v1::ReportBlock SheetSensors(const SheetScan& of, bool one_housing);
 
-// From x to x and from y to y where the part lies at stage position 0 [m].
+// Extent of the part in x and y with the stage at 0 [m].
 Eigen::AlignedBox3d ExtentAtStageZero(const SheetPart& part, const ScanFrames& frames);
 
 v1::ReportBlock SheetStage(const v1::PlannedScan& scan);
 
-// Settings of camera and laser, joints of the robot, and what to expect; only what the plan has.
+// Settings of camera and laser, joints of the robot and expected results, as far as the plan has
+// them.
 ReportBlocks SheetDetails(const v1::PlannedScan& scan);
 
 }  // namespace sightline

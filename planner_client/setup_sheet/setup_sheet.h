@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The set-up sheet: pages to print and take to the machine, a first one over all scans and one for
-// each set-up in its order; for each scan where the plan has no set-ups.
+// The set-up sheet: pages to print and take to the machine. The first page covers all scans; then
+// each set-up has a page in its order, or each scan if the plan has no set-ups.
 #pragma once
 
 #include <string>
@@ -24,10 +24,10 @@ struct SetUpSheet {
   bool one_housing = false;  // camera and laser are moved as one
 };
 
-// The sheet as data; the same plan gives the same report. Says of what is in the plan only: resting
-// faces, settings and robot moves appear where the plan has them. INVALID_ARGUMENT: poses as
-// FramesOfScan, resting faces and scans of set-ups that the plan does not have, a mesh without
-// vertices, and pictures whose number is not that of the scans or resting faces.
+// The sheet as data; the same plan gives the same report. Resting faces, settings and robot moves
+// appear only if the plan has them. INVALID_ARGUMENT: poses as FramesOfScan, resting faces and
+// scans of set-ups that the plan does not have, a mesh without vertices, or a number of pictures
+// that differs from that of the scans or resting faces.
 absl::StatusOr<v1::Report> SetUpReport(const SetUpSheet& sheet);
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tolerances of a drawing from the file that holds them: STEP (AP242) or QIF 3.0.
+// Reads tolerances of a drawing from a STEP (AP242) or QIF 3.0 file.
 #pragma once
 
 #include <string>
@@ -14,15 +14,15 @@
 namespace sightline {
 
 struct ToleranceImportOptions {
-  // Folder of the QIF 3.0 schema to validate QIF files against. Empty: not validated.
+  // Folder of the QIF 3.0 schema for validation of QIF files; if empty, they are not validated.
   std::string qif_schema_folder;
-  // Unit of lengths for which a QIF or STEP file states none: "m", "cm", "mm", "um", "inch". Empty:
-  // such a file is refused.
+  // Unit of lengths for a QIF or STEP file that states none: "m", "cm", "mm", "um", "inch". If
+  // empty, such a file is rejected.
   std::string length_unit;
   // The program that reads STEP. Empty: sightline_step_import beside the running program, or in
   // PATH.
   std::string step_import_program;
-  // How long that may take.
+  // Time limit of that program.
   absl::Duration time_limit = absl::Minutes(10);
 };
 
@@ -33,15 +33,15 @@ struct ImportedTolerances {
   std::vector<FaceTriangles> faces;
 };
 
-// The faces that the tolerances name, by number: those of a STEP file, or those of the mesh of the
-// part that lie on the features of a QIF file. `part` is in the coordinates of the file.
-// INVALID_ARGUMENT: the QIF file describes features, and no surface of the part lies on any of
+// The faces that the tolerances name, by number: those of a STEP file, or faces of the part's
+// mesh on the features of a QIF file. `part` is in the coordinates of the file.
+// INVALID_ARGUMENT: the QIF file describes features, but no surface of the part lies on any of
 // them.
 absl::StatusOr<std::vector<FaceTriangles>> FacesOf(const ImportedTolerances& imported,
                                                    const TriangleMesh& part);
 
-// By the file's suffix: .stp, .step, .p21 or .qif, in any case. STEP is read by another program,
-// since OpenCASCADE is not to be part of this one. A file without tolerances is no error: the
+// Chooses the reader by the file's suffix: .stp, .step, .p21 or .qif, in any case. STEP is read by
+// another program, to keep OpenCASCADE out of this one. A file without tolerances is no error: the
 // report's entity_count is 0.
 //
 // INVALID_ARGUMENT: another suffix, or the file is wrong (the message names it). NOT_FOUND: no such

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How wide the reader's window is, and text that fits into it.
+// Width of the terminal, and text wrapped to it.
 #pragma once
 
 #include <cstddef>
@@ -12,15 +12,15 @@ namespace sightline {
 // so it does not follow the terminal.
 inline constexpr size_t kHelpColumns = 80;
 
-// Columns of the terminal behind a file descriptor; `otherwise` if it is none.
+// Number of columns of the terminal at a file descriptor; `otherwise` if it is no terminal.
 size_t TerminalColumns(int fd, size_t otherwise);
 
-// The text with lines broken between words so that none has more than `columns` characters; words
-// that are longer stay whole. Lines that fit stay as they are, lines that go on begin with
+// Breaks lines between words so that none has more than `columns` characters. Longer
+// words stay whole, fitting lines stay unchanged, and continuation lines begin with
 // `indent`.
 std::string WrapText(std::string_view text, size_t columns, std::string_view indent = "");
 
-// Prints to stdout, wrapped if that is a terminal; files and pipes get the text as it is.
+// Prints to stdout. The text is wrapped for a terminal and unchanged for files and pipes.
 void PrintWrapped(std::string_view text);
 
 }  // namespace sightline

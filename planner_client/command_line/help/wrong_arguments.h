@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Explains errors of a command line, in words that help.
+// Explains errors of a command line and suggests corrections.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -8,8 +8,8 @@
 
 namespace sightline {
 
-// Explains why `app` refused `arguments` (without the program's name) with `error`: which command
-// or option is not known, and the one that is most like it. Ends with a line break.
+// Explains why `app` rejected `arguments` (without the program's name) with `error`: names the
+// unknown command or option and the most similar known one. Ends with a line break.
 std::string ExplainWrongArguments(const CLI::App& app, const std::vector<std::string>& arguments,
                                   const CLI::ParseError& error);
 

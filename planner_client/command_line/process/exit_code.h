@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Exit codes of the sightline command and how errors become them.
+// Exit codes of the sightline command, and their mapping from errors.
 #pragma once
 
 #include "absl/status/status.h"
@@ -11,8 +11,8 @@ inline constexpr int kExitFailed = 1;         // failed while running
 inline constexpr int kExitWrongInput = 2;     // the message names file, field and reason
 inline constexpr int kExitInterrupted = 130;  // finished results are kept
 
-// Whether the input is refused: it is wrong, is missing or exceeds a limit (reasons such as
-// PART_TOO_LARGE). Otherwise the work failed: no memory, no disk space, no server.
+// True if the input is rejected: it is wrong, missing or exceeds a limit (reasons such as
+// PART_TOO_LARGE). False if the work failed: no memory, no disk space, no server.
 bool IsRefusedInput(const absl::Status& status);
 
 // Prints the error, as text or JSON (progress_line.h), and returns its exit code.

@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Ctrl-C: the first asks the running command to stop, and says so on stderr; the second ends it.
-// Only the command knows whether anything is kept, and says so when it ends.
+// Ctrl-C: the first asks the running command to stop and prints that on stderr; the second ends it.
+// Only the command knows which results it keeps, so it reports them when it ends.
 #pragma once
 
 #include <atomic>
 
 namespace sightline {
 
-// Set once SIGINT or SIGTERM arrives. The first call installs the handlers: commands make it when
-// they have something to keep, since loading parts and hulls cannot be stopped otherwise.
+// True once SIGINT or SIGTERM has arrived. The first call installs the handlers, so commands
+// call it once they have results to keep; before, Ctrl-C must end the loading of parts and
+// hulls.
 const std::atomic<bool>& InterruptFlag();
 
 }  // namespace sightline

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Progress on stderr: one line redrawn in place on a terminal, a line now and then elsewhere, lines
-// of JSON for programs that asked for them. People also see for how long the phase has been running
-// and, once a twentieth of it is done, how long the rest takes at the same rate.
+// Progress on stderr: one line redrawn in place on a terminal, occasional lines otherwise, or JSON
+// lines for programs that request them. People also see the elapsed time of the phase and, after a
+// twentieth of it, the remaining time at the same rate.
 #pragma once
 
 #include <chrono>
@@ -11,20 +11,20 @@
 
 namespace sightline {
 
-// Format of all progress and errors of this process: text for people, or a JSON object a line:
+// Selects JSON for all progress and errors of this process, one object a line:
 // {"progress":0.42,"message":"..."}, {"error":{"code":"...","reason":"...","message":"..."}}.
 void UseJsonProgress();
 bool UsesJsonProgress();
 
-// The interval of the whole command, in [0, 1], that a phase fills; programs see the whole.
+// The interval in [0, 1] of the whole command that a phase fills; JSON reports use the whole.
 struct ProgressPhase {
   double begin = 0;
   double end = 1;
 };
 
-// "2m10s so far, about 5m left" of a phase of which `fraction` is done after `elapsed`; no estimate
-// of the rest before a twentieth of the phase and ten seconds have passed, and nothing in the first
-// two seconds.
+// "2m10s so far, about 5m left" for a phase that is done to `fraction` after `elapsed`. The
+// estimate is omitted before a twentieth of the phase and ten seconds; the text is empty during the
+// first two seconds.
 std::string TimeText(double fraction, absl::Duration elapsed);
 
 class ProgressLine {
@@ -34,12 +34,12 @@ class ProgressLine {
   ProgressLine(const ProgressLine&) = delete;
   ProgressLine& operator=(const ProgressLine&) = delete;
 
-  // Later reports belong to another phase.
+  // Assigns later reports to another phase.
   void Enter(ProgressPhase phase) {
     phase_ = phase;
     phase_start_ = std::chrono::steady_clock::now();
   }
-  // `fraction` of the phase, in [0, 1].
+  // Shows `fraction` of the phase, in [0, 1].
   void Show(double fraction, const std::string& text);
   // Leaves the last state on the screen and starts a new line.
   void Finish();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The scan with the largest gain for features that the measured points leave undecided.
+// Finds the scan of largest gain for features that the measured points leave undecided.
 #pragma once
 
 #include <memory>
@@ -22,10 +22,10 @@ struct NextScanQuestion {
   int64_t evaluations = 5000;
 };
 
-// Plans one scan more on the part as it was found, for the targets of undecided features alone.
-// Each of these is to be known to JudgedInspection::needed. Unset: no scan of the rig
-// adds anything, or no target of these features can be measured. Errors of OpenSession are passed
-// on.
+// Plans one further scan on the part as measured, only for the targets of undecided features. Each
+// target needs the uncertainty in JudgedInspection::needed. Returns nothing if no scan of the rig
+// adds information, or if no target of these features is measurable. Errors of OpenSession are
+// passed on.
 absl::StatusOr<std::optional<v1::NextScan>> FindNextScan(const NextScanQuestion& question,
                                                          const EarlierPlan& earlier,
                                                          std::shared_ptr<const MeasuredPart> part,

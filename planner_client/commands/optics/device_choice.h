@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Camera, lens and laser from a catalogue: which combination serves an inspection best.
+// Chooses camera, lens and laser from a catalogue: the best combination for an inspection.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -19,13 +19,13 @@ namespace sightline {
 
 struct DeviceRequirements {
   std::optional<double> max_footprint_mm, min_view_mm, min_depth_mm, max_price_eur;
-  int rendered = 6;  // combinations that are judged by images
+  int rendered = 6;  // combinations that are rendered
 };
 
 // --max-footprint, --min-view, --min-depth (mm), --max-price and --rendered.
 void AddDeviceOptions(CLI::App& app, DeviceRequirements* requirements);
 
-// All combinations, those that geometry allows and are to be rendered first.
+// All combinations; those that pass the geometric check and are to be rendered come first.
 struct DeviceCandidates {
   struct Candidate {
     v1::DeviceCombination combination;  // with results of geometry
@@ -35,20 +35,20 @@ struct DeviceCandidates {
   std::vector<v1::DeviceCombination> lost;
 };
 
-// Combinations by geometry at the camera distance of the request's first frame. The inspection sets
-// missing requirements: its targets' largest pixel footprint, and nine tenths of
-// the field of view that its own camera and lens have along the rows. Of those that fit, the ones
-// with the smallest pixels on the part and the cheapest are rendered, `rendered` of them.
-// INVALID_ARGUMENT: an empty catalogue, or no combination fits; the message counts the reasons.
-// NOT_FOUND: no such folder.
+// Evaluates combinations by geometry at the camera distance of the request's first frame. The
+// inspection supplies missing requirements: its targets' largest pixel footprint, and nine tenths
+// of the field of view along the rows of its own camera and lens. Among fitting combinations, those
+// with the smallest pixels on the part and the cheapest are rendered, `rendered` in total.
+// INVALID_ARGUMENT if the catalogue is empty or no combination fits; the message counts the
+// reasons. NOT_FOUND if there is no such folder.
 absl::StatusOr<DeviceCandidates> FindDevices(const std::string& folder,
                                              const Inspection& inspection,
                                              const v1::CreateOpticsRequest& request,
                                              const DeviceRequirements& requirements);
 
-// Judges the candidates by the optical cost of their best setting, as height: cost [px] times the
-// height that a pixel makes. Combinations whose height cost is within a twentieth of the least
-// count as equal; of these the cheapest wins, then the fastest.
+// Rates the candidates by the optical cost of their best setting, as a height: cost [px] times the
+// height of one pixel. Combinations whose height cost is within 5 % of the least count as equal; of
+// these the cheapest wins, then the fastest.
 struct ChosenDevices {
   v1::DeviceChoice choice;    // the chosen one first
   v1::Inspection inspection;  // the request's, with the chosen devices

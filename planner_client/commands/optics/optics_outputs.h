@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Files of an optical plan, besides its report.
+// Output files of an optical plan, in addition to its report.
 #pragma once
 
 #include <string>
@@ -10,8 +10,8 @@
 
 namespace sightline {
 
-// optics.json, without the pictures, which belong to the report. The file appears at once or not at
-// all.
+// Writes optics.json without the pictures, which belong to the report. The file appears complete or
+// not at all.
 absl::Status WriteOpticsJson(const v1::OpticsPlan& optics, const std::string& path);
 
 // Gives every scan of the plan its own setting, or the common one if it has none of its own.

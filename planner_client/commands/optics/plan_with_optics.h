@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Geometry and optics planned together: scans for a detection of the line, the setting for these
-// scans, the detection learned with that setting, and again until neither changes. The step that
-// thesis 7.2 names as future work.
+// Plans geometry and optics together. Each round plans scans for a model of line detection, chooses
+// a setting for these scans, and learns the detection with that setting, until neither changes.
+// Thesis 7.2 names this step as future work.
 #pragma once
 
 #include <string>
@@ -16,18 +16,18 @@ namespace sightline {
 
 struct JointPlanOptions {
   SessionOptions session;
-  std::string folder;  // of plan.json; holds the plan whose setting is to be chosen
+  std::string folder;  // folder of the plan.json whose setting is chosen
   int max_rounds = 4;
   int64_t seed = 1;
   WorkerSessionOptions worker;
 };
 
-// Goes on from a plan whose plan.json is in the folder. `session`, `document`: of that plan;
-// replaced by those of later rounds. `request`: what it was planned by. A plan for coverage, which
-// no setting changes, gets its settings in one round. The images of a round are looked for at the
-// f-numbers that cost at most 1.6 times the best in the round before. An interruption keeps the
-// last plan and returns CANCELLED. Errors of the servers, and of an inspection that lacks
-// what images need.
+// Continues from a plan whose plan.json is in the folder. `session` and `document` belong to
+// that plan; later rounds replace them. `request`: input of that plan. A plan for coverage
+// does not depend on settings, so one round suffices. Each round examines only f-numbers that
+// cost at most 1.6 times the best of the previous round. An interruption keeps the last plan
+// and returns CANCELLED. Errors of the servers, and of an inspection that lacks inputs of
+// images.
 absl::StatusOr<v1::OpticsPlan> PlanWithOptics(const JointPlanOptions& options,
                                               const PlannerRequest& request,
                                               PlanningSession* session, PlanDocument* document);

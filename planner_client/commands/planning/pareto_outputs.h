@@ -24,20 +24,20 @@ struct ParetoOptions {
 
 void AddParetoOptions(CLI::App& app, ParetoOptions* options);
 
-// INVALID_ARGUMENT: `front` with a strategy that makes none or with another way of planning
-// (`other`: the option's name, empty: none), `pick` with either, or more than one pick.
+// INVALID_ARGUMENT if `front` is used with a strategy without fronts or with another planning mode
+// (`other`: name of the option, or empty), if `pick` is used with either, or for several picks.
 absl::Status CheckParetoOptions(const ParetoOptions& options, const std::string& strategy,
                                 const std::string& other);
 
-// Plans the front and writes pareto.json into the output folder; the front is put
-// into `output`, for the report. The result is the plan of the chosen point, PointForGoal. Errors:
-// those of MakeParetoFront, and of writing.
+// Plans the front, writes pareto.json into the output folder and stores the front in `output` for
+// the report. Returns the plan of the chosen point, PointForGoal. Errors of MakeParetoFront and of
+// writing.
 absl::StatusOr<PlannerResult> PlanFront(const PlanningSession& session,
                                         const PlannerRequest& request, ProgressLine& progress,
                                         OutputOptions* output);
 
-// Writes plan, report and front of a point of the folder's pareto.json, whose numbers are evaluated
-// exactly again and must be the same. Exit code of the command.
+// Writes plan, report and front for a point of the folder's pareto.json. Its numbers are evaluated
+// exactly again and must agree. Returns the exit code of the command.
 int RunPick(const SessionOptions& session, const ParetoPick& pick, OutputOptions output);
 
 }  // namespace sightline

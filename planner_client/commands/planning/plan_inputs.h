@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Inputs of `sightline plan` besides the inspection. Wrong ones are found before the scene is
+// Inputs of `sightline plan` in addition to the inspection. They are checked before the scene is
 // built, which takes seconds.
 #pragma once
 
@@ -14,16 +14,16 @@
 
 namespace sightline {
 
-// Scans of --keep and --resume become locked and starting scans of the request.
+// Reads the scans of --keep and --resume as locked and starting scans of the request.
 absl::Status ReadGivenScans(PlanOptions& options, PlannerRequest& request);
 
-// Scans that were measured, if any.
+// Reads the measured scans, if any.
 absl::StatusOr<EarlierPlan> ReadMeasuredScans(PlanOptions& options, PlannerRequest& request);
 
 // Checks the inputs of --optics.
 absl::Status CheckOptics(const PlanOptions& options);
 
-// Everything that the answers kept by --checkpoint depend on; unset without this option.
+// Everything that the answers kept by --checkpoint depend on; nothing without that option.
 absl::StatusOr<std::optional<SearchQuestion>> QuestionOf(const PlanOptions& options);
 
 }  // namespace sightline

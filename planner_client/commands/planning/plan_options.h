@@ -45,14 +45,14 @@ struct PlanOptions {
 // `options` must outlive the application.
 void AddPlanOptions(CLI::App& app, PlanOptions* options);
 
-// INVALID_ARGUMENT: an option of planning together with one that picks a point of a front, which
-// has been planned before.
+// INVALID_ARGUMENT if an option of planning is combined with one that picks a point of an existing
+// front.
 absl::Status CheckPickAlone(const CLI::App& app);
 
-// Overrides the inspection's goal.
+// Replaces the inspection's goal by the stated options.
 void SetGoal(const PlanOptions& options, PlanningGoal& goal);
 
-// Sets the fields of the request that only the options give.
+// Sets the fields of the request that only options determine.
 void SetOptions(const PlanOptions& options, PlannerRequest& request);
 
 }  // namespace sightline

@@ -24,12 +24,12 @@ struct OutputOptions {
   std::optional<v1::ParetoFront> pareto;  // of which the plan is a point
 };
 
-// Writes plan.json and plan.csv; then, with the reasons why targets stay uncovered, plan.json
-// again, pictures, report.html and points/scan_NN.ply. plan.json comes first, so that an
-// interruption keeps it; before that, files of an earlier plan about its scans are removed (report,
-// point clouds, uncertainty). Data that the server does not give are left out of the files and
-// named in the notes of the report and by a warning on stderr: no plan is lost for a picture. The
-// errors are those of writing.
+// Writes plan.json and plan.csv first, so that an interruption keeps them; files of an earlier
+// plan about its scans (report, point clouds, uncertainty) are removed before. Then plan.json is
+// written again with the reasons for uncovered targets, with pictures, report.html and
+// points/scan_NN.ply. Data that the server does not give are left out, listed in the notes of the
+// report and in a warning on stderr: a missing picture does not lose the plan. Errors are those of
+// writing.
 absl::Status WritePlanJson(const PlanDocument& document, const std::string& folder);
 absl::Status WritePlanOutputs(PlanningSession& session, PlanDocument& document,
                               const OutputOptions& options);

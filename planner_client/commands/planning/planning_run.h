@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One run of `sightline plan` on a session that is open: searches, the plan that they find, and its
+// One run of `sightline plan` on an open session: searches, the resulting plan, and its
 // files.
 #pragma once
 
@@ -23,15 +23,15 @@ namespace sightline {
 
 class PlanningRun {
  public:
-  // `part`: the starts that this process runs. `question`: set if answers are kept. `start`: when
-  // the command began.
+  // `part`: the starts that this process runs. `question`: set if answers are kept. `start`: time
+  // at which the command began.
   PlanningRun(PlanOptions& options, PlannerRequest request, const Shard& part,
               const EarlierPlan& earlier, std::optional<SearchQuestion> question,
               PlanningSession& session, std::chrono::steady_clock::time_point start);
 
   // Plans and writes the files.
   absl::Status Run();
-  // The plan in words.
+  // Prints a summary of the plan.
   void Print() const;
 
  private:
@@ -40,23 +40,23 @@ class PlanningRun {
   void Enter(const ProgressPhase& phase);
   void Show(double fraction, const std::string& text);
 
-  // One search for the plan: result_, document_ and bound_.
+  // Runs one search for the plan; sets result_, document_ and bound_.
   absl::Status Search();
-  // The plans of a Pareto front.
+  // Plans a Pareto front.
   absl::Status SearchFront();
   BoundedPlanHooks Hooks();
   void BeginStep(PlanStep step);
   void EndStep(PlanStep step, double seconds);
   void ShowBound(const ScanCountBoundProgress& progress);
 
-  // Every start of this part, one after the other. The best of all starts becomes the plan, unless
-  // this is a part of them: then their results stay in the checkpoint.
+  // Runs every start of this shard in sequence. The best start becomes the plan, unless this is one
+  // shard of several: then the results stay in the checkpoint.
   absl::Status SearchFromAllStarts(SearchCheckpoint& checkpoint);
   absl::StatusOr<StartResult> SearchFromStart(int index, SearchCheckpoint& checkpoint);
-  // document_ and bound_ of a search that has ended, here or elsewhere.
+  // Sets document_ and bound_ from a search that has ended, in this process or another.
   absl::Status TakeStart(const StartResult& start);
 
-  // plan.json appears as soon as there is a plan, and again when there is a better one.
+  // Writes plan.json for the first plan, and again for every better one.
   absl::Status Describe(const PlannerResult& result);
   absl::Status WritePlan();
   absl::Status PlanOptically();
@@ -70,7 +70,7 @@ class PlanningRun {
   std::chrono::steady_clock::time_point start_;
   ProgressLine progress_;
   ProgressPhase search_phase_;
-  std::string search_name_;  // of several: before all that is shown of a search
+  std::string search_name_;  // prefix of all progress texts if there are several searches
   PlannerResult result_;
   PlanDocument document_;
   std::optional<ScanCountBoundResult> bound_;

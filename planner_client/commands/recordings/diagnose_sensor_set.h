@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// `sightline diagnose` of flat-field and dark frames: values of the camera, and physics that the
-// linear model of EMVA 1288 leaves out.
+// `sightline diagnose` for flat-field and dark frames: values of the camera, and effects outside
+// the linear model of EMVA 1288.
 #pragma once
 
 #include <string>
@@ -16,9 +16,9 @@ struct SensorSetOptions {
   WorkerSessionOptions worker;
 };
 
-// Diagnoses, prints the finding and writes diagnosis.json, camera.json and report.html; the exit
-// code. Errors of reading the set, of the worker and of writing; without a diagnosis nothing is
-// written.
+// Runs the diagnosis, prints the finding and writes diagnosis.json, camera.json and report.html.
+// Returns the exit code. Errors of reading the set, of the worker and of writing; without a
+// diagnosis no file is written.
 absl::StatusOr<int> RunSensorSetDiagnosis(SensorSetOptions options);
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How long work will still take whose progress follows time.
+// Remaining time of work that progresses at a constant rate.
 #pragma once
 
 #include <chrono>
@@ -7,8 +7,8 @@
 
 namespace sightline {
 
-// ", about 12 min left" if work that has taken `passed` for `fraction` of it in [0, 1] goes on as
-// it has so far; empty while that says nothing: in the first ten seconds and the first 2 %.
+// ", about 12 min left" for work that is done to `fraction` in [0, 1] after `passed`, at a constant
+// rate. Empty in the first ten seconds and the first 2 %, when an estimate is unreliable.
 std::string TimeLeftText(std::chrono::duration<double> passed, double fraction);
 
 }  // namespace sightline

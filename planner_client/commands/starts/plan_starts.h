@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `sightline plan --starts`: the best of several searches, in one process or divided among several.
+// `sightline plan --starts`: the best of several searches, in one or several processes.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -27,27 +27,27 @@ struct StartsOptions {
 
 void AddStartsOptions(CLI::App& app, StartsOptions* options);
 
-// Selects the starts that this process runs. INVALID_ARGUMENT: several starts together with another
-// way of planning (`other`: the option's name, empty: none), a seed beyond the largest, and a shard
-// of one start, more shards than starts, or shards without `checkpoint`.
+// Selects the starts that this process runs. INVALID_ARGUMENT for several starts with another
+// planning mode (`other`: name of the option, or empty), a seed beyond the largest, shards of a
+// single start, more shards than starts, or shards without `checkpoint`.
 absl::StatusOr<Shard> CheckStartsOptions(const StartsOptions& options, int64_t first_seed,
                                          const std::string& checkpoint, const std::string& other);
 
-// Result of a finished search. `plan` is its document, which has numbers that `result` has summed
-// up with those of a later search that was given up.
+// Result of a finished search. `plan` is its document: it has numbers that `result` contains only
+// as sums with those of a later, abandoned search.
 StartResult StartOf(const PlannerResult& result, const v1::Plan& plan,
                     const std::optional<ScanCountBoundResult>& bound);
 
-// The scans of a search with what they cover, exact and as estimated, asked of the session's gain
-// model again. Errors of the gain model.
+// The scans of a search with their exact and estimated coverage, evaluated again by the session's
+// gain model. Errors of the gain model.
 absl::StatusOr<std::vector<ChosenScan>> ScansOfStart(const PlanningSession& session,
                                                      const StartResult& start);
 
-// Puts the searches into the plan, by rising seed.
+// Stores the searches in the plan, by ascending seed.
 void SetStarts(const std::vector<StartResult>& starts, v1::Plan& plan);
 
-// A line for the terminal: how many searches reached the goal, with how many scans, and which was
-// chosen. Empty for a plan of one.
+// A line for the terminal: number of searches that reached the goal, their numbers of scans, and
+// the chosen one. Empty for a single search.
 std::string SummariseStarts(const v1::Plan& plan);
 
 }  // namespace sightline

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Checkpoint of `sightline plan --checkpoint`, so that the same command goes on after its process
-// was ended.
+// Checkpoint of `sightline plan --checkpoint`: the same command continues after its process was
+// ended.
 #pragma once
 
 #include <cstdint>
@@ -17,41 +17,41 @@
 
 namespace sightline {
 
-// Inputs of a search that an open session no longer knows.
+// Inputs of a search that an open session does not keep.
 struct SearchQuestion {
-  // The inspection with all that it refers to, and measured points; as they were before the session
-  // was opened, so that no file can change unseen between its digest and its reading.
+  // Digests of the inspection with all files that it refers to, and of measured points. They are
+  // taken before the session opens, so that no change between digest and reading goes unnoticed.
   FileContents files;
-  // Options that are in no file and not in the request: "pose prior 5 mm, ...".
+  // Options that are neither in a file nor in the request: "pose prior 5 mm, ...".
   std::string options;
 };
 
-// A folder with the coverage server's answers to interrupted searches, in `answers…`, and the
-// results of finished ones, in `start-SEED.json`. Several processes may use it for
-// different searches.
+// A folder with the coverage server's answers to interrupted searches (`answers…`) and the
+// results of finished ones (`start-SEED.json`). Several processes may use it for different
+// searches.
 class SearchCheckpoint {
  public:
-  // A folder for nothing: no answers are kept.
+  // A checkpoint without a folder, which keeps nothing.
   SearchCheckpoint() = default;
-  // Answers and results are kept under the content of all that they depend on: the question's
-  // files, the scenes, what is admissible at every target, the robot, the scans that stay, the
-  // programs of client and server; results also under the request, apart from its seed. Entries of
-  // other content and damaged ones are named on stderr and made again. INTERNAL: the folder cannot
-  // be made. ABORTED: a file has changed since its content was taken.
+  // Opens the folder. Answers and results are stored under a digest of everything that they depend
+  // on: the question's files, scenes, admissible uncertainties, the robot, fixed scans, and the
+  // programs of client and server; results also depend on the request except its seed. Damaged
+  // entries and those of another digest are reported on stderr and made again. INTERNAL if the
+  // folder cannot be made. ABORTED if a file has changed since its digest was taken.
   static absl::StatusOr<SearchCheckpoint> Open(const std::string& folder,
                                                const PlanningSession& session,
                                                const SearchQuestion& question,
                                                const PlannerRequest& request,
                                                int64_t bound_evaluations);
 
-  // From now on the session's gain model keeps its answers, and gives those that are kept of the
-  // search of that name. INTERNAL: the file cannot be written.
+  // Lets the session's gain model record its answers and replay the recorded ones of the search
+  // with this name. INTERNAL if the file cannot be written.
   absl::Status KeepAnswers(const std::string& search, PlanningSession* session);
   // Restores the session's gain model from before KeepAnswers.
   void LeaveAnswers(PlanningSession* session);
 
   std::optional<StartResult> ResultOf(int64_t seed) const;
-  // Removes the answers of the search, which are not needed any more.
+  // Stores the result and removes the search's answers, which are no longer needed.
   absl::Status KeepResult(const StartResult& start, const std::string& search) const;
 
  private:
@@ -60,7 +60,7 @@ class SearchCheckpoint {
 
   std::string folder_;  // empty: nothing is kept
   std::string answers_fingerprint_, results_fingerprint_;
-  RecordReplayGainModel* journal_ = nullptr;  // the session's gain model, if that keeps its answers
+  RecordReplayGainModel* journal_ = nullptr;  // the session's gain model while it records answers
 };
 
 }  // namespace sightline

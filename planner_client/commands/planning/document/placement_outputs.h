@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Coverage of a plan under errors of placement, in the plan and in words.
+// Coverage of a plan under errors of placement, as fields of the plan and as text.
 #pragma once
 
 #include <string>
@@ -10,8 +10,8 @@
 
 namespace sightline {
 
-// Sets placement and coverage.placement_p5 of the plan. Plans without errors of placement, those
-// whose first scans have been measured already and interrupted ones stay as they are.
+// Sets placement and coverage.placement_p5 of the plan. Plans without placement errors, plans with
+// measured scans and interrupted plans stay unchanged.
 absl::Status AddPlacementCoverage(const PlanningSession& session, PlanDocument* document);
 
 // A sentence; empty without placement_p5.

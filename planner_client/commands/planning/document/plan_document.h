@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From chosen scans to the plan: poses, travel, numbers.
+// Makes the plan (poses, travel, numbers) from chosen scans.
 #pragma once
 
 #include <string>
@@ -18,17 +18,17 @@ namespace sightline {
 struct PlanDocument {
   v1::Plan plan;
   std::vector<ChosenScan> scans;  // in the plan's order
-  // Only of plans for uncertainty: of all targets after all scans, exact; and of every target what
-  // is admissible [m], 0 if it is not toleranced.
+  // Only for plans for uncertainty: exact uncertainty of all targets after all scans, and the
+  // admissible uncertainty of every target [m] (0 if it is not toleranced).
   PosteriorUncertainties uncertainties;
   std::vector<float> admissible_uncertainty_m;
-  // One per target, as far as it is not covered; empty until ExplainUncovered.
+  // One reason per target that is not covered; empty until ExplainUncovered.
   std::vector<TargetReason> reasons;
-  // Pictures, explanations and qualities that the server did not give, a sentence each. The plan is
-  // kept without it; the report and stderr name it.
+  // One sentence for each picture, explanation or quality that the server did not give. The plan is
+  // kept without it; the report and stderr list it.
   std::vector<std::string> missing;
 
-  // Adds that something, as "picture of scan 3", is missing and why.
+  // Records that something, such as "picture of scan 3", is missing, and why.
   void Miss(const std::string& what, const absl::Status& why) {
     missing.push_back(absl::StrCat("missing: ", what, ": ", why.message()));
   }

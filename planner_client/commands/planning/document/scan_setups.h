@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How an engineer sets up a plan's scans: the part's support, and remarks on unusual scans.
+// Instructions for setting up a plan's scans: the part's support, and remarks on unusual scans.
 #pragma once
 
 #include <vector>
@@ -14,8 +14,8 @@ namespace sightline {
 // resting_face and table_height_m of the scans. Scans are in their order and have their times.
 void AddSetups(const PlanningSession& session, v1::Plan* plan);
 
-// Fills in remarks of the scans: outside the inspection's domain, not feasible, of no use. `given`:
-// the whole plan was given, not only its locked scans.
+// Adds remarks to scans that are outside the inspection's domain, infeasible or without effect.
+// `given`: the whole plan was given, not only its locked scans.
 void AddRemarks(const PlanningSession& session, const std::vector<ChosenScan>& scans, bool given,
                 v1::Plan* plan);
 

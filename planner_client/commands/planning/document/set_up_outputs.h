@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Data that people and machines need to set up the scans of a plan: how well each measures, the
-// set-up sheet and the exports.
+// Data to set up the scans of a plan: quality of each scan, the set-up sheet and the
+// exports.
 #pragma once
 
 #include <string>
@@ -15,12 +15,12 @@ namespace sightline {
 // Beside plan.json; report.html links to it.
 inline constexpr char kSetUpSheetFile[] = "setup.html";
 
-// From coordinates of the CAD model to those of the plan's poses, where the part lies as measured
-// points found it.
+// Transformation from CAD coordinates to those of the plan's poses, where the part lies as
+// registered from measured points.
 Eigen::Isometry3f ToStage(const PlanningSession& session);
 
-// Sets PlannedScan.quality of every scan that measures anything, from all of its points. Data that
-// the coverage server does not give are missing in the document.
+// Sets PlannedScan.quality of every scan that measures anything, from all of its points. If the
+// coverage server fails, the document lists the data as missing.
 void AddScanQuality(const PlanningSession& session, PlanDocument& document);
 
 // Depth per pixel of the targets that the plan covers (ReportData.depth_per_pixel_m).

@@ -21,13 +21,13 @@ TargetUncertainties TargetUncertaintiesOf(const PlanningSession& session,
 ScanSensitivityMap SensitivityOf(const PlanningSession& session, const Measurement& scan,
                                  const std::vector<ScanPoint>& points);
 
-// FOLDER/uncertainty.ply: targets with u and its parts; with toleranced features also
+// Writes FOLDER/uncertainty.ply (targets with u and its components) and, with toleranced features,
 // FOLDER/plan.qif.
 absl::Status WriteUncertaintyFiles(const PlanningSession& session, const PlanDocument& document,
                                    const TargetUncertainties& uncertainties,
                                    const std::string& folder);
 
-// Covariance ellipsoids of a scan's points, magnified so that the largest axis is a millimetre.
+// Writes covariance ellipsoids of a scan's points, magnified to a largest axis of 1 mm.
 absl::Status WriteEllipsoids(const PlanningSession& session, const Measurement& scan,
                              const std::vector<ScanPoint>& points, const std::string& path);
 

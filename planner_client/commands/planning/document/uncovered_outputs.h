@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Why a plan leaves targets uncovered.
+// Reasons why a plan leaves targets uncovered.
 #pragma once
 
 #include <string>

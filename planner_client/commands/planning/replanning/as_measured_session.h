@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `sightline plan ... --measured FILE`: planning goes on from scans that have been measured.
+// `sightline plan ... --measured FILE`: continues planning after some scans have been measured.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -21,12 +21,12 @@ namespace sightline {
 
 struct AsMeasuredOptions {
   std::vector<std::string> files;  // empty: nothing was measured
-  // Standard deviations before any point; one for each axis.
+  // Prior standard deviations of the pose, for each axis.
   double pose_prior_mm = 5;
   double pose_prior_deg = 3;
   double tolerated_distance_mm = 2;
   std::string unit = "m";  // of files of points that state none
-  std::string pose_file;   // from the coordinates of the points to those of the model; empty: none
+  std::string pose_file;   // CAD coordinates from those of the points; empty: none
 };
 
 void AddAsMeasuredOptions(CLI::App& app, AsMeasuredOptions* options);
@@ -45,34 +45,34 @@ struct EarlierPlan {
   std::vector<Measurement> Measured() const;
 };
 
-// Reads the plan.json in `folder`, whose scans `request` already has; the measured ones become its
-// first locked scans. INVALID_ARGUMENT: files that fit no scan, or that lie where this plan's own
-// points will be written.
+// Reads the plan.json in `folder`, whose scans `request` already has, and makes the measured ones
+// its first locked scans. INVALID_ARGUMENT for files that fit no scan, or that are where this
+// plan's own points will be written.
 absl::StatusOr<EarlierPlan> LockMeasuredScans(const AsMeasuredOptions& options,
                                               const std::string& folder, PlannerRequest* request);
 
-// Puts the measured part in the place of the CAD model.
+// Replaces the CAD model by the measured part.
 absl::Status PutFoundPart(std::shared_ptr<const MeasuredPart> measured, PlanningSession& session,
                           CoverageTask& task);
 
-// Information of the points about the targets of a client's scene; `toleranced` only for plans for
+// Information of the points about the targets of a client's scene; `toleranced` is only used for
 // uncertainty.
 MeasuredTargets MeasuredTargetsOf(const PlanningSession& session, CoverageClient& client,
                                   std::optional<TolerancedTargets> toleranced);
 
-// Makes SessionOptions::before_upload for such a plan: finds the part by the points and puts it
-// in the place of the CAD model. `earlier` must outlive the call of the returned function.
+// Returns SessionOptions::before_upload for such a plan: it registers the part from the points and
+// replaces the CAD model by it. `earlier` must outlive the returned function's call.
 std::function<absl::Status(PlanningSession&, CoverageTask&)> PutMeasuredPart(
     const AsMeasuredOptions& options, const EarlierPlan& earlier);
 
 // Makes the session's gain model use the points of measured scans.
 absl::Status AskMeasuredPoints(const EarlierPlan& earlier, PlanningSession* session);
 
-// Plan::as_measured: the part as it was found, and the changes by planning again.
+// Fills in Plan::as_measured: the part as measured, and the changes due to replanning.
 absl::Status DescribeAsMeasured(const EarlierPlan& earlier, const PlanningSession& session,
                                 PlanDocument* document);
 
-// A few lines for the terminal; empty of other plans.
+// A few lines for the terminal; empty for plans without measured scans.
 std::string SummariseAsMeasured(const v1::Plan& plan);
 
 }  // namespace sightline

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The common start of every planning command: the inspection, its part, and a coverage server that
-// knows them.
+// Common start of every planning command: loads the inspection and its part, and connects to a
+// coverage server that has both.
 #pragma once
 
 #include <functional>
@@ -32,62 +32,62 @@ struct PlanningSession;
 
 struct SessionOptions {
   std::string inspection_file;
-  // Empty: an embedded server is started.
+  // Address; if empty, an embedded server is started.
   std::string coverage_server;
   ServerTlsOptions tls;  // of that server
-  // Computes the light of the part's materials, where the inspection limits targets by it.
+  // For the render worker that computes the materials' light, if light limits targets.
   WorkerSessionOptions worker;
   int field_directions = kDefaultFieldDirections;
-  // Also sample validation targets, which the search does not see, to score plans on.
+  // Also sample validation targets, which are hidden from the search, to score plans on.
   bool fresh_targets = true;
-  // Instead of the inspection's, which must have an uncertainty.
+  // Replaces the line detection of the inspection, which must have an uncertainty.
   std::optional<LineDetectionNoise> line_detection;
-  // Scans that are in the plan whether or not the inspection's robot reaches them.
+  // Scans that stay in the plan even if the inspection's robot does not reach them.
   std::vector<Measurement> kept_scans;
-  // Plans that scans were taken from; those of another part are refused.
+  // Plans that scans come from; plans of another part are rejected.
   GivenPlans plans;
-  // Called with the inspection, its part and its obstacles as they were read, before anything is
-  // uploaded; planning uses its changes. May be null.
+  // Called with the inspection, its part and obstacles as read, before the upload; its changes are
+  // used for planning. May be null.
   std::function<absl::Status(PlanningSession&, CoverageTask&)> before_upload;
 };
 
 struct PlanningSession {
   Inspection inspection;
   std::shared_ptr<const TriangleMesh> part;
-  // Digest of the CAD file's part, even if `part` is the part as measured.
+  // Digest of the part in the CAD file, even if `part` is the part as measured.
   PartDigest part_digest;
-  // Remarks on the plans that scans were taken from, for the first lines of reports.
+  // Remarks on the plans that scans come from, for the first lines of reports.
   std::vector<std::string> plan_remarks;
-  // The support of the part; the domain of `inspection` has its orientations.
+  // Support of the part; the domain of `inspection` contains its resting orientations.
   HeldPart held;
   PartHealth health;
-  // Centre of the CAD model's bounding box, which the rig's offsets refer to.
+  // Centre of the CAD model's bounding box, origin of the rig's offsets.
   Eigen::Vector3d model_centre_m = Eigen::Vector3d::Zero();
-  // For plans that go on from measured scans: the part as these found it (`part` is its mesh, and
-  // the rig of `inspection` has its placement), and the gain model of their points, which
-  // `gain_model` owns. Null of other plans.
+  // Only for plans with measured scans: the part as measured (`part` is its mesh, and the rig of
+  // `inspection` has its placement), and the gain model of its points, owned by `gain_model`. Null
+  // otherwise.
   std::shared_ptr<const MeasuredPart> measured;
   MeasuredGainModel* measured_gain_model = nullptr;
-  // As the coverage server knows them.
+  // Obstacles as sent to the coverage server.
   std::vector<CoverageTask::Obstacle> obstacles;
   std::shared_ptr<const RobotCell> robot;  // null without rig.robot
   std::unique_ptr<EmbeddedServer> server;  // null with --coverage-server
   std::unique_ptr<CoverageClient> client;
   std::unique_ptr<CoverageClient> validation_client;  // null without validation targets
   std::optional<Requirements> requirements;           // of inspections with tolerances
-  // For coverage, or for uncertainty where the goal asks for it.
+  // For uncertainty if the goal asks for it, else for coverage.
   std::unique_ptr<GainModel> gain_model;
   double open_time_s = 0;  // from start to the first possible query
 
   bool ForUncertainty() const { return inspection.goal.admissible.has_value(); }
 };
 
-// The requirements of an inspection with tolerances and uncertainty, the file of tolerances read
-// and the tolerances that are left out printed; unset for others.
+// Reads the requirements of an inspection with tolerances and uncertainty, including the file of
+// tolerances, and prints tolerances that are left out. Nothing for other inspections.
 absl::StatusOr<std::optional<Requirements>> ReadRequirements(const Inspection& inspection,
                                                              const TriangleMesh& part);
 
-// The part of a planning command that opening a session is.
+// Progress interval of a planning command for opening the session.
 inline constexpr ProgressPhase kOpenSessionPhase{0, 0.2};
 
 // Prints the part's health findings and shows progress on stderr.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The robot of an inspection: its cell for a planning session, and its part of plans.
+// The robot of an inspection: its cell in a planning session, and its fields in plans.
 #pragma once
 
 #include <memory>
@@ -14,28 +14,28 @@
 
 namespace sightline {
 
-// Reads the robot, if the inspection has one; before anything is uploaded, since wrong input is
-// found there.
+// Reads the robot, if the inspection has one. This happens before any upload, since it finds wrong
+// input.
 absl::Status OpenRobotCell(const CoverageTask& task, PlanningSession* session);
 
-// Scans that the robot cannot make become infeasible to the session's gain model, save `kept`. Says
-// on stderr how much of the domain is reached. Nothing without a robot.
+// Makes scans that the robot cannot make infeasible in the session's gain model, except `kept`.
+// Prints on stderr which fraction of the domain is reached. Does nothing without a robot.
 void AskRobotFirst(const std::vector<Measurement>& kept, PlanningSession* session);
 
-// The gain model with scans that the robot cannot make infeasible, save `kept`. Only with a robot;
-// the session's client must outlive it.
+// A gain model in which scans that the robot cannot make are infeasible, except `kept`. Requires a
+// robot; the session's client must outlive the result.
 std::unique_ptr<GainModel> WithinReach(const PlanningSession& session,
                                        std::unique_ptr<GainModel> gain_model,
                                        const std::vector<Measurement>& kept);
 
-// Moves in the best order; the scans' indices are those given. Only with a robot.
+// Moves in the best order; their scan indices refer to the given scans. Requires a robot.
 std::vector<RobotMove> OrderForRobot(const PlanningSession& session,
                                      const std::vector<ChosenScan>& scans, int locked);
 
-// How the robot makes a scan, or why not and which scan near it can be made.
+// Describes how the robot makes a scan, or why it cannot, with the nearest scan that it can make.
 void DescribeMove(const PlanningSession& session, const RobotMove& move, v1::PlannedScan* scan);
 
-// The robot as the report shows it. Only with a robot.
+// The robot for the report. Requires a robot.
 ReportRobot RobotForReport(const PlanningSession& session, const v1::Plan& plan);
 
 }  // namespace sightline

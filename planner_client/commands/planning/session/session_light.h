@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The light of the part's materials as a limit of targets, for a planning session.
+// Limits on targets by the light of the part's materials, for a planning session.
 #pragma once
 
 #include <optional>
@@ -17,14 +17,14 @@ namespace sightline {
 
 struct SessionLight {
   v1::Detectability detectability;   // with table and both exposure times
-  std::vector<std::string> remarks;  // on assumptions, without a full stop
+  std::vector<std::string> remarks;  // on assumptions, without a final full stop
 };
 
-// Unset where light limits no targets of the inspection. A table that the inspection has is taken
-// as it is; else the render worker computes one, or one that was computed before is read from the
-// user's cache. Surfaces without a material are taken as matt aluminium. Says on stderr what limits
-// exposures. INVALID_ARGUMENT: a table for a material that the part has not, or no permitted
-// exposure; errors of the worker, and NOT_FOUND if its program is not there.
+// Nothing if light limits no targets of the inspection. A table in the inspection is used as it is;
+// otherwise the render worker computes one, unless the user's cache has it. Surfaces without a
+// material count as matt aluminium. Prints on stderr what limits exposures. INVALID_ARGUMENT if a
+// table has a material that the part does not have, or if no exposure is permitted. Errors of the
+// worker; NOT_FOUND if its program is missing.
 absl::StatusOr<std::optional<SessionLight>> LightOfSession(const std::string& inspection_file,
                                                            const Inspection& inspection,
                                                            const TriangleMesh& part,
