@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Changes numbers of an inspection within their ranges and records the changes.
+//
 // Fields have dotted paths such as "laser.power_w"; inspection_number.h has the table of their
 // defaults and ranges. This module needs no knowledge of single effects.
-// of inspection_number.h; nothing here knows an effect.
 #pragma once
 
 #include <string>

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Runs the program that reads STEP files. It is separate to keep OpenCASCADE, which depends on X11
 // libraries, out of this one.
+//
 // A CAD system may save a file while it is read. Its bytes are
 // therefore read into memory once; both the digest and the program use
 // them.

@@ -15,7 +15,6 @@ namespace sightline {
 // scans, or `plan` if none with fewer reaches the goal; evaluations are the sum of both. Returns
 // `plan` unchanged if a converged bound excludes fewer scans, if the strategy uses no candidates,
 // or if `plan` misses the goal. Errors of the gain model.
-// and for plans that do not reach the goal. Errors of the gain model.
 absl::StatusOr<PlannerResult> PlanWithGeneratedColumns(GainModel& gain_model,
                                                        const PlannerRequest& request,
                                                        PlannerResult plan,
