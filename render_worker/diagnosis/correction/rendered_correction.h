@@ -21,8 +21,8 @@
 namespace sightline {
 
 struct RenderingSettings {
-  // Renderings of the whole set, each with seeds of its own; at least 2. Chosen: the error of their
-  // mean adds a quarter to the covariance, and each takes some seconds.
+  // Number of renderings of the whole set with different seeds; at least 2. Chosen: the error of
+  // their mean adds a quarter to the covariance, and each takes some seconds.
   int renderings = 4;
   uint64_t seed = 1;
 };

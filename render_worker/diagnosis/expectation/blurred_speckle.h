@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Speckle of an image that is blurred as a whole after it has formed (by glare, a reflection,
-// movement during the exposure): less contrast, longer correlation.
+// Speckle in an image that is blurred after its formation (by glare, a reflection, movement during
+// the exposure): contrast decreases and correlation length increases.
 #pragma once
 
 #include <span>
@@ -11,9 +11,9 @@
 
 namespace sightline {
 
-// `factors`: transfer of the blur, of the irradiance. `before`, `after`: mean irradiance of the
-// pixels across the line, the middle of the first of them at first_v_m, without and with the blur.
-// Light that comes from beyond 15 rows (4, or 3 columns, if the blur is not only across the line)
+// `factors`: transfer functions of the blur for the irradiance. `before`, `after`: mean irradiance
+// without and with the blur, for the pixels across the line; first_v_m: centre of the first one.
+// Light from more than 15 rows away (4 rows or 3 columns, if the blur is not only across the line)
 // has lost its speckle.
 LineSpeckle BlurredSpeckle(const LineSpeckle& speckle, std::span<const TransferFunction> factors,
                            double pixel_pitch_m, double first_v_m,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Speckle of charge that has moved between pixels: less contrast, longer correlation.
+// Speckle of charge that has moved between pixels: lower contrast, longer correlation.
 #pragma once
 
 #include <array>
@@ -13,16 +13,16 @@
 
 namespace sightline {
 
-// Charge around the pixels of a column sample (one column, or an even number of them) whose speckle
-// is at a given level: f times the mean light. A neighbour's light is then not f times its mean.
+// Charge around the pixels of a column sample (one column, or an even number of them) at a given
+// level of speckle: f times the mean light. The light of a neighbour is then not f times its mean.
 // For a bivariate gamma distribution of contrast squared c and correlation r, its conditional mean
 // is 1 + r (f - 1) and its conditional variance c ((1 - r)^2 + 2 r (1 - r) f) (Kibble, Sankhya 5
 // (1941) 137).
 class NeighboursOfLevel {
  public:
-  // `laser`, `steady`: mean electrons of the laser's light and of all else. `speckle`: one pattern
-  // before any charge flows; the contrast squared of all patterns is `pattern_share` times its own.
-  // No pixel holds more than `full_electrons`.
+  // `laser`, `steady`: mean electrons of laser light and of other light. `speckle`: one pattern
+  // before any charge flows; the contrast squared of all patterns is `pattern_share` times that.
+  // Pixels are limited to `full_electrons`.
   NeighboursOfLevel(Image<double> laser, Image<double> steady, const LineSpeckle& speckle,
                     const FrameSetup& frame, double pattern_share, double full_electrons);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Charge that comes from elsewhere in its column (smear, blooming), and its variance.
+// Charge that a pixel gets from elsewhere in its column (smear, blooming), and its variance.
 #pragma once
 
 #include <span>
@@ -14,7 +14,7 @@ namespace sightline {
 // True for effects that add a share of the column's sum to every pixel.
 bool IsSmear(const ActiveEffect& active);
 
-// Charge that smear adds. It is a sum over the column, whose speckle averages out in part.
+// Charge added by smear: a sum over the column, in which speckle averages out in part.
 struct SmearTrail {
   Image<double> laser, steady;  // mean electrons; empty: no smear
   int crest_row = 0;            // row of the brightest line
@@ -30,9 +30,9 @@ SmearTrail TrailOfSmear(const Image<double>& total, const Image<double>& steady,
 // True for effects that let charge above a threshold overflow along the column.
 bool IsBlooming(const ActiveEffect& active);
 
-// Reduces the variance over the levels of charge that has overflowed: it comes from many rows,
-// whose speckle averages out, while each level takes all rows to be equally bright. `without`,
-// `with`: mean electrons at all levels before and after blooming; `with` is corrected.
+// Reduces the variance of overflowed charge over the levels. This charge comes from many rows,
+// whose speckle averages out, whereas each level assumes equally bright rows. `without`, `with`:
+// mean electrons at all levels before and after blooming; `with` is corrected.
 void EvenOutOverflow(const ActiveEffect& blooming, const FrameSetup& frame,
                      const LineSpeckle& speckle, const std::vector<Image<double>>& without,
                      std::vector<Image<double>>& with);

@@ -30,7 +30,7 @@ struct ExpectedFrame {
   Image<double> mean_dn, level_variance_dn2;
   // Temporal noise variance at the mean level [DN^2].
   Image<float> noise_variance_dn2;
-  // Variance of rounding to the numbers that occur [DN^2].
+  // Variance of rounding to the raw values that occur [DN^2].
   double rounding_variance_dn2 = 1.0 / 12;
   // Excess kurtosis of the temporal noise, where rounding is coarse; empty: 0 everywhere.
   Image<float> noise_excess_kurtosis;
@@ -39,34 +39,34 @@ struct ExpectedFrame {
   // Standard deviations of random offsets of rows, different in every recording, and of columns,
   // fixed for the sensor [DN].
   double row_scatter_dn = 0, column_scatter_dn = 0;
-  Image<double> mean_photo_electrons;          // the next frame of the burst needs it
+  Image<double> mean_photo_electrons;          // for the next frame of the burst
   std::shared_ptr<const LineSpeckle> speckle;  // of one pattern; null: no laser light
   // Speckle of the four pixels of a cell of the colour filter if charge spreads; else null.
   std::array<std::shared_ptr<const LineSpeckle>, 4> speckle_of_cell;
   std::shared_ptr<const LineImaging> imaging;  // the same
 
-  // Laser light at evenly spaced places of the block that the column sample stands for, over its
-  // mean; empty: the same everywhere.
+  // Laser light, relative to its mean, at evenly spaced positions of the segment that the column
+  // sample represents; empty: constant.
   std::vector<double> level_along_line;
-  // Relative variance of that light within the block by random effects and patterns of unknown
-  // phase.
+  // Relative variance of that light within the segment due to random effects and patterns of
+  // unknown phase.
   double drawn_variance_along_line = 0;
 
-  // Columns of a mono sensor are alike, or alternate where an effect has `columns_alternate`.
+  // Columns of a mono sensor are equal, or alternate if an effect has `columns_alternate`.
   double MeanDn(int row, int column) const { return mean_dn.At(row, column); }
-  // The variance of a variance of n pixels is its square times (2 + this) / n.
+  // Excess kurtosis k: the variance of the variance of n pixels is its square times (2 + k) / n.
   double NoiseExcessKurtosis(int row, int column) const {
     return noise_excess_kurtosis.empty() ? 0 : noise_excess_kurtosis.At(row, column);
   }
-  // Speckle of the pixels of a row; of a colour sensor that of the given column.
+  // Speckle of the pixels of a row; for a colour sensor, that of the given column.
   const SpecklePixelCovariance& SpeckleAt(int row, int column = 0) const;
 };
 
 // True if an effect makes odd and even columns of a mono sensor differ.
 bool ColumnsAlternate(std::span<const ActiveEffect> effects);
 
-// `frame`: nominal with deviations applied; its region of interest is narrow enough that the line's
-// profile is that of its middle column. `previous`: mean electrons of the frame before in the
+// `frame`: nominal with deviations applied; its region of interest must be so narrow that its
+// middle column gives the line's profile. `previous`: mean electrons of the preceding frame in the
 // burst, or nullptr. `imaging`, `block_columns_px`: as ExpectLight.
 ExpectedFrame ExpectFrame(const FrameSetup& frame, std::span<const ActiveEffect> effects,
                           const Image<double>* previous, std::shared_ptr<const LineImaging> imaging,

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Mean light on the pixels of a column sample of a recording, before the sensor. The image of a
-// long line through the lens is a convolution in one dimension.
+// Mean light on the pixels of a column sample of a recording, before the sensor. Through the lens,
+// the image of a long line is a convolution in one dimension.
 #pragma once
 
 #include <complex>
@@ -14,9 +14,9 @@
 
 namespace sightline {
 
-// Optics of a long line at one place of the field.
+// Optics of a long line at one position of the field.
 struct LineImaging {
-  double curvature_per_m = 0;                  // of the defocus for which the rest holds
+  double curvature_per_m = 0;                  // of the defocus that the other members belong to
   int length = 0;                              // samples across the line
   std::vector<std::complex<double>> transfer;  // across the line, the pixel's included
   std::shared_ptr<const LineSpeckle> speckle;  // of one pattern
@@ -28,16 +28,16 @@ struct ExpectedLight {
   // Mean electrons by all light, and by light other than the laser's.
   Image<double> total_electrons, steady_electrons;
   std::shared_ptr<const LineImaging> imaging;  // of the laser's light; as given if there is none
-  // Laser light at evenly spaced places of the block that the column sample stands for, over its
-  // mean; empty: the same everywhere.
+  // Laser light, relative to its mean, at evenly spaced positions of the segment that the column
+  // sample represents; empty: constant.
   std::vector<double> level_along_line;
   double pattern_share = 0;  // contrast squared of all speckle patterns over that of one
 };
 
 // `frame`: after the effects on its numbers. `effects`: those that change the expectation.
-// `imaging`: of another column sample of the frame, or null; its speckle is taken over, and the
-// rest if the optics are the same all over the field. `block_columns_px`: width of the block whose
-// middle the column sample is and whose mean it stands for; 0: it stands for itself.
+// `imaging`: from another column sample of the frame, or null. Its speckle is reused, and its other
+// members too if the optics are constant over the field. `block_columns_px`: width of the segment
+// in whose middle the column sample lies and whose mean it represents; 0: no segment.
 ExpectedLight ExpectLight(const FrameSetup& frame, std::span<const ActiveEffect> effects,
                           std::shared_ptr<const LineImaging> imaging, int block_columns_px);
 

@@ -17,15 +17,15 @@ std::vector<std::complex<double>> LineTransfer(const Pupil& pupil, double wavele
                                                double defocus_curvature_per_m, double step_per_m,
                                                int count);
 
-// Transfer function of a pixel: its width, and the shift from its first sample to its centre, at
-// frequencies k = 0 ... length / 2 of `length` samples across the line, `samples_per_px` of them a
-// pixel.
+// Transfer function of a pixel's width and of the shift from its first sample to its centre, at
+// frequencies k = 0 ... length / 2 of `length` samples across the line with `samples_per_px`
+// samples per pixel.
 std::vector<std::complex<double>> PixelTransfer(int samples_per_px, int length,
                                                 double pixel_pitch_m);
 
-// Mean irradiance of `rows_px` pixels of a column, from the ideal irradiance sampled
-// `samples_per_px` times a pixel; `ideal` starts `margin_px` before the first row, and its length
-// is a power of two. `transfer`: of lens and pixel, one more than half as long.
+// Mean irradiance of `rows_px` pixels of a column, from the ideal irradiance with `samples_per_px`
+// samples per pixel. `ideal` starts `margin_px` before the first row; its length is a power of two.
+// `transfer`: product for lens and pixel, with half that length plus one element.
 std::vector<double> BlurAcrossLine(const std::vector<double>& ideal, int samples_per_px,
                                    int margin_px, int rows_px,
                                    const std::vector<std::complex<double>>& transfer);

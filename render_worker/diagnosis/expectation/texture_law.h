@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Second moments of a texture of the plate along the line: its reflectance is a random field, and
-// segments of the line average it.
+// Second moments of a texture of the plate along the line. The reflectance is a random field that
+// segments of the line average.
 #pragma once
 
 #include <vector>

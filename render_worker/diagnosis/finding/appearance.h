@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The appearance of unknown physics in words.
+// Describes the appearance of unknown physics in a sentence.
 #pragma once
 
 #include <string>
@@ -9,9 +9,9 @@
 
 namespace sightline {
 
-// For an answer with model-discrepancy terms: what each of them does, with the coefficients that
-// differ from 0 by two standard errors (the three that do so most), the law that the residual
-// follows in the set-up (`diagnosis.laws`), and how far the nearest known effects are behind. Empty
+// For an answer with model-discrepancy terms: the effect of each term, with up to three
+// coefficients that differ most from 0, by two standard errors or more; the dependence of the
+// residual on the set-up (`diagnosis.laws`); and the distance to the nearest known effects. Empty
 // for other answers. At least one hypothesis must be ranked.
 std::string AppearanceText(const ModelComparison& comparison, const v1::Diagnosis& diagnosis);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How well a fitted model describes and predicts a set, in the words of the answer.
+// Describes in the answer how well a fitted model describes and predicts a set.
 #pragma once
 
 #include <cstdint>
@@ -12,11 +12,11 @@ namespace sightline {
 
 v1::ModelFit DescribeFit(const SetModel& model, const FitResult& fit);
 
-// On held-out recordings, and on every kind of observable as if it alone had not been fitted.
+// Improvement on held-out recordings, and on each kind of observable as if it were not fitted.
 v1::HeldOutImprovement DescribeImprovement(const SetModel& model, const FitResult& null,
                                            const FitResult& best, uint64_t seed);
 
-// `null`: what its score is compared with.
+// `null`: the check of the model that its score is compared with.
 v1::PredictiveCheck DescribeCheck(const PredictiveCheck& check, const PredictiveCheck& null);
 
 }  // namespace sightline

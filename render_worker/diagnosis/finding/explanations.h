@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Hypotheses in the words of the answer.
+// Describes hypotheses in the answer.
 #pragma once
 
 #include <Eigen/Core>
@@ -17,24 +17,24 @@ v1::FittedEffect DescribeEffect(const SetModel& model, const Hypothesis& hypothe
 v1::FittedEffect DescribeEffect(const ActiveEffect& active);
 
 // Covariance of the coefficients of effect `index` of a hypothesis, a model-discrepancy term, in
-// their units; those that are not needed are known.
+// their units. Coefficients that the hypothesis does not need count as known.
 Eigen::MatrixXd CoefficientCovariance(const Hypothesis& hypothesis, size_t index);
 
-// Adds `ranked`, `same_class` and `remainder`. Explanations with the same leading effect are one,
-// as the most probable of them has it.
+// Adds `ranked`, `same_class` and `remainder`. Explanations with the same leading effect form one
+// entry, with the parameters of the most probable one.
 void AddExplanations(const SetModel& model, const ModelComparison& comparison, uint64_t seed,
                      v1::Diagnosis* diagnosis);
 
-// Adds the state of a model comparison that was stopped: hypotheses by their evidence so far, and
-// below them the most promising effects that were screened but not fitted. `ranked` says nothing
-// about predictions.
+// Adds the state of an interrupted model comparison: hypotheses by their evidence so far, then
+// the most promising effects that were screened but not fitted. `ranked` contains no
+// predictions.
 void AddUnfinished(const SetModel& model, const ModelComparison& comparison,
                    v1::Diagnosis* diagnosis);
 
 // Adds the evidence of the best effect or model-discrepancy term of every stage of the chain.
 void AddStages(const ModelComparison& comparison, v1::Diagnosis* diagnosis);
 
-// Strengths at which effects would have been found.
+// Adds the strengths at which effects would have been detected.
 void AddPower(const ModelComparison& comparison, v1::Diagnosis* diagnosis);
 
 }  // namespace sightline

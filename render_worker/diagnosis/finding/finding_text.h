@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The finding in one sentence, for people, and a second one on what it leaves.
+// The finding in one sentence for people, and a second one on the remainder.
 #pragma once
 
 #include <string>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Numbers of the report's pictures: profiles across the line, maps of residuals.
+// Data of the report's pictures: profiles across the line, maps of residuals.
 #pragma once
 
 #include <vector>
@@ -9,12 +9,12 @@
 
 namespace sightline {
 
-// Laser recordings in which the two fits differ most in chi squared, most telling first.
+// Laser recordings in which the chi squared of both fits differs most, largest difference first.
 std::vector<int> TellingRecordings(const SetModel& model, const FitResult& null,
                                    const FitResult& best, int count);
 
-// Mean over the columns of every row, observed and by both fits. Colour sensors: the channel that
-// tells most.
+// Mean of every row over the columns, observed and by both fits. For colour sensors, the most
+// informative channel.
 v1::ProfileComparison CompareProfiles(const SetModel& model, const FitResult& null,
                                       const FitResult& best, int recording);
 

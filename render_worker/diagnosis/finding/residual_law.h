@@ -9,8 +9,8 @@
 
 namespace sightline {
 
-// Adds the quantities of the set-up on which the null model's residual depends: its amplitude in
-// every recording [DN], at the rows where the two models differ.
+// Adds the quantities of the set-up on which the null model's residual depends. The residual is its
+// amplitude in every recording [DN] at the rows in which the two models differ.
 void AddLaws(const SetModel& model, const FitResult& null, const FitResult& best, uint64_t seed,
              v1::Diagnosis* diagnosis);
 

@@ -68,8 +68,8 @@ class ParameterVector {
   int shifts_ = 0;
 };
 
-// `from` with the deviations, line shifts and model errors that stand first in `standardised`,
-// within their bounds.
+// `from` with the deviations, line shifts and model errors at the beginning of `standardised`,
+// moved within their bounds.
 SetParameters AtStandardised(const SetModel& model, const SetParameters& from,
                              const Eigen::VectorXd& standardised);
 

@@ -17,8 +17,8 @@ namespace sightline {
 struct Context {
   const SetModel& model;
   const ComparisonSettings& settings;
-  // Takes the fraction done in [0, 1]. If it returns false, a stage returns at once and calls it no
-  // more.
+  // Gets the fraction done in [0, 1]. After it returns false, a stage returns at once without
+  // calling it again.
   const std::function<bool(double)>& proceed;
   // Effects and terms of the settings that change the expectation, and those that are random
   // effects per recording or place.
@@ -37,8 +37,9 @@ Context MakeContext(const SetModel& model, const FitResult& null,
 
 bool NullIsRejected(const Context& context);
 
-// `hypothesis` with its parameters fitted under the covariance of `reference`, from where it is
-// (from those of `reference` if it has not been fitted), and its evidence.
+// Fits the parameters of `hypothesis` under the covariance of `reference` and sets its evidence.
+// The fit starts at the parameters of `hypothesis` (at those of `reference` if it was never
+// fitted).
 struct FitEffort {
   bool renew_jacobian = false;  // derivatives with respect to the set-up's parameters; false: kept
   int max_iterations = 4;
@@ -46,16 +47,16 @@ struct FitEffort {
 Hypothesis FitHypothesis(const Context& context, Hypothesis hypothesis, const FitResult& reference,
                          const FitEffort& effort);
 
-// The same from the nominal set-up under a covariance of its own: where the null model is far from
-// the data, so are its parameters.
+// The same from the nominal set-up under its own covariance: if the null model is far from the
+// data, so are its parameters.
 Hypothesis FitFromNominal(const Context& context, Hypothesis hypothesis);
 
 // Largest evidence first. Hypotheses whose evidence is not finite are left out: their start left no
 // light at all.
 std::vector<Hypothesis> SortedByEvidence(std::vector<Hypothesis> hypotheses);
 
-// Check of predictions of recordings left out. The predictions integrate over a random effect's
-// amplitudes and cannot notice that these follow the set-up; that is tested in addition.
+// Checks predictions of held-out recordings. The predictions integrate over a random effect's
+// amplitudes and cannot notice that these follow the set-up, so that is tested in addition.
 PredictiveCheck CheckHypothesis(const Context& context, const Hypothesis& hypothesis);
 
 }  // namespace sightline

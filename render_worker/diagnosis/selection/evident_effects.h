@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Effects that raw numbers show by themselves, before any model is fitted.
+// Effects that are evident from raw values before any model is fitted.
 #pragma once
 
 #include <span>
@@ -10,10 +10,10 @@
 
 namespace sightline {
 
-// The effects among `considered` that the raw numbers of `set` show beyond doubt, with their
-// parameters: missing bits, where every number of every recording is a multiple of a power of two.
-// A model comparison takes them for granted, since they change the covariance of all that it
-// compares.
+// The effects among `considered` that are certain from the raw values of `set`, with their
+// parameters: missing bits, if every value of every recording is a multiple of a power of two.
+// A model comparison contains them in all hypotheses, since they change the covariance of
+// each.
 std::vector<ActiveEffect> EvidentEffects(const RecordedSet& set,
                                          std::span<const Effect* const> considered);
 

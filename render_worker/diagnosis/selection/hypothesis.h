@@ -45,8 +45,8 @@ bool IsFreeForm(const Hypothesis& hypothesis);
 bool IsRandomEffect(const Hypothesis& hypothesis);
 
 // False if one of several effects has no parameter that differs from its null value by two standard
-// errors: naming it would say nothing. Discrete parameters have no error; a single effect is
-// compared with none by its evidence.
+// errors, since that effect is not detected. Discrete parameters have no error; the evidence
+// compares a single effect with none.
 bool EffectsAreDetected(const Hypothesis& hypothesis);
 
 // Terms of the evidence over those of the null model, without the model's prior:

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// All numbers on which the model comparison decides. Each comment names the unit and the source;
-// "Chosen" means that no paper and no program gives the number, and the reason follows. Numbers
-// that limit the work of a stage change the answer only if they are too small. Score every change
-// with bench/concealed.
+// All thresholds of the model comparison. Each comment states the unit and the source; "Chosen"
+// means that no paper or program gives the value, and the reason follows. Values that limit the
+// work of a stage change the answer only if they are too small. Evaluate every change with
+// bench/concealed.
 #pragma once
 
 #include <array>
@@ -19,8 +19,8 @@ inline constexpr double kDetected_standard_errors = 2;
 // Chi squared over the number of data above which the null model is rejected. Chosen: null sets of
 // bench/concealed stay below 1, since the covariance contains the model's own error.
 inline constexpr double kRejected = 1.5;
-// Evidence of an effect on which further stages build [nats]. Chosen: twice the 5 nats that Kass
-// and Raftery call very strong.
+// Log evidence of an effect on which further stages build [nats]. Chosen: twice the 5 nats that
+// Kass and Raftery call very strong.
 inline constexpr double kPromising_nats = 10;
 // Expected gain at which another effect or a term is added to a hypothesis [nats]. Derived: its
 // prior odds cost ln(66 / kOneMorePrior) = 6.5 for the 66 effects considered, and evidence counts
@@ -41,8 +41,8 @@ inline constexpr double kSameChange = 0.98;
 
 // --- Fits of single effects and pairs: how many, by the time they take ---
 
-// Expected gain that is worth a fit [nats]. Chosen: less than half of kClearGain_nats, since a fit
-// finds more than screening expects.
+// Expected gain above which an effect is fitted [nats]. Chosen: less than half of kClearGain_nats,
+// since a fit finds more than screening expects.
 inline constexpr double kWorthAFit_nats = 1.5;
 // Single effects that are fitted, and hypotheses kept for the common covariance. Chosen: by time,
 // a fit each.
@@ -53,32 +53,32 @@ inline constexpr size_t kFittedAgain = 5;
 // Single effects fitted from the nominal description, if the null model is rejected. Chosen: such a
 // fit takes five rounds.
 inline constexpr size_t kFittedFromNominal = 4;
-// Among them, promising effects for which that is done though the null model is not rejected: its
+// Promising effects that are fitted in this way even if the null model is not rejected, since its
 // deviations may hide them. Chosen: as few as a pair.
 inline constexpr size_t kFittedFromNominalAnyway = 2;
-// Linear gain above which an effect may have lost its place to parameters of the null model that
-// are at their bounds [nats]. Chosen: as kPromising_nats.
+// Linear gain above which parameters of the null model at their bounds may have absorbed an effect
+// [nats]. Chosen: as kPromising_nats.
 inline constexpr double kDisplacedGain_nats = 10;
-// It has lost it if the gain with these bounds is below this fraction of the linear gain. Chosen:
-// half.
+// They have absorbed it if the gain with these bounds is below this fraction of the linear gain.
+// Chosen: half.
 inline constexpr double kDisplacedPart = 0.5;
-// A fit from the nominal description went astray if its evidence is below this fraction of the gain
+// A fit from the nominal description has failed if its evidence is below this fraction of the gain
 // that screening expected. Chosen: screening overestimates by the prior's cost, some nats.
 inline constexpr double kAstray = 0.8;
 // Hypotheses to which a further effect is added, and combinations that are fitted for each number
 // of effects. Chosen: by time, a fit each.
 inline constexpr size_t kBases = 4;
 inline constexpr size_t kPairs = 4;
-// Effects beside which random effects are looked for, or effects beside a random effect. Chosen: by
-// time, a search over the parameters of every random effect each.
+// Number of effects with which random effects are combined, or of effects combined with one random
+// effect. Chosen: by time, a search over the parameters of every random effect each.
 inline constexpr size_t kRandomEffectBases = 2;
 // Second effects that are fitted together with a rejected single one. Chosen: by time, a fit with
 // derivatives each.
 inline constexpr size_t kSecondEffects = 3;
-// Fraction of the comparison that is reported as done meanwhile. Chosen: late, since time is not
-// known in advance.
+// Fraction of the comparison that is reported as done during this stage. Chosen: late, since the
+// time is not known in advance.
 inline constexpr double kSecondEffectDone = 0.98;
-// Chi squared by the error of the modelled change, above which a set is rendered before a named
+// Chi squared due to the error of the modelled change, above which a set is rendered before a named
 // model is rejected. Chosen: 1 of many hundreds rejects no model.
 inline constexpr double kErrorWorthRendering = 1;
 // Fraction done that is reported while a set is rendered.
@@ -103,14 +103,14 @@ inline constexpr double kSelectedBehind_nats = 15;
 // time; ten numbers describe a smooth function of two variables.
 inline constexpr size_t kStageCoefficients = 10;
 inline constexpr size_t kStageFits = 4;
-// Fraction of the comparison that is reported as done meanwhile.
+// Fraction of the comparison that is reported as done during this stage.
 inline constexpr double kStageDiscrepancyDone = 0.99;
 // Hypotheses of one stage whose transfer between settings is computed. Chosen: by time; more
 // evidence and better transfer go together.
 inline constexpr size_t kTransferredOfStage = 3;
-// Stages that are said at most, and standard errors of the transfer score within which two stages
-// are alike. Derived: the two-sided 95 % interval of a normal distribution. Chosen: two, since a
-// third says too little.
+// Largest number of stages in the answer, and standard errors of the transfer score within which
+// two stages are equal. Derived: the two-sided 95 % interval of a normal distribution. Chosen: two,
+// since a third adds too little.
 inline constexpr size_t kStagesSaid = 2;
 inline constexpr double kAlikeStages_standard_errors = 2;
 // Step of the derivative with respect to a coefficient [prior scales]. Chosen: half a scale is far
@@ -121,16 +121,17 @@ inline constexpr double kTermProbe = 0.5;
 
 // First step of a parameter [prior scales]. Chosen: half of all rigs are within one scale.
 inline constexpr double kProbe = 0.5;
-// Strength beyond which nothing is looked for [prior scales]. Chosen: a Cauchy prior has 0.6 %
-// there.
+// Strength limit of the search [prior scales]. Chosen: a Cauchy prior has 0.6 % beyond
+// it.
 inline constexpr double kFarthest = 100;
-// Gain of the linearised model that is worth an evaluation [nats]. Chosen: half of kWorthAFit_nats.
+// Gain of the linearised model that justifies an evaluation [nats]. Chosen: half of
+// kWorthAFit_nats.
 inline constexpr double kLeastLinearGain_nats = 0.75;
 // Squared whitened length of a change up to which the model is taken to be linear. Chosen: five
 // standard deviations.
 inline constexpr double kLinearLength = 25;
-// Fraction of the linear gain that the model itself must reach, else strengths between are tried.
-// Chosen: half.
+// Fraction of the linear gain that the model itself must reach; otherwise intermediate strengths
+// are tried. Chosen: half.
 inline constexpr double kStraight = 0.5;
 // Relative error of a change computed in the middle of the line only, below which it stands for the
 // whole line. Chosen: as kEffectError, the error of a modelled change.
@@ -153,10 +154,10 @@ inline constexpr std::array<double, 4> kHiddenShapes = {-4.5, -3, -1.5, 1.5};
 inline constexpr std::array<double, 6> kBeyondThreshold = {1.0, 0.97, 0.92, 0.85, 0.7, 0.5};
 // Relative width to which a threshold is bracketed. Chosen: a third of the first step beyond.
 inline constexpr double kThresholdWidth = 1.01;
-// Fractions of the best linear strength that are tried. Chosen: the full step, and less where the
-// model bends.
+// Fractions of the best linear strength to try. Chosen: the full step, and a shorter one for
+// nonlinear models.
 inline constexpr std::array<double, 2> kStepParts = {1.0, 0.4};
-// The full step is enough if it reaches this fraction of the linear gain. Chosen: more than half.
+// A full step that reaches this fraction of the linear gain suffices. Chosen: more than half.
 inline constexpr double kStepReached = 0.6;
 // Largest linear step [prior scales]. Chosen: beyond, larger steps are tried by themselves.
 inline constexpr double kLargestStep = 8;
@@ -201,7 +202,7 @@ inline constexpr int kFiner = 16;
 
 // --- Further recordings (next_recording.cpp) ---
 
-// Expected gain that is worth a recording [bit]. Chosen: a hundredth of a yes-or-no answer.
+// Expected gain that justifies a recording [bit]. Chosen: a hundredth of a yes-or-no answer.
 inline constexpr double kWorthARecording_bits = 0.01;
 
 }  // namespace sightline::thresholds

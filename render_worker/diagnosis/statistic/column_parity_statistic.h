@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Odd against even columns of the sensor. They differ where neighbouring columns are read by
+// Compares odd with even columns of the sensor. They differ if neighbouring columns are read by
 // different amplifiers.
 #pragma once
 
@@ -15,7 +15,7 @@ struct ParityBlock {
   RegionOfInterest roi;
   int first_row = 0, rows = 0;  // that hold the line and its flanks
   double dark_dn = 0;           // nominal mean in the dark
-  // Blocks of the same speckle repeat its deviation, and blocks of the same region that of the
+  // Blocks of the same speckle share its deviation, and blocks of the same region that of the
   // sensor's fixed pattern: these variances are multiplied by the numbers of blocks.
   int sharing_speckle = 1, sharing_pattern = 1;
 };
@@ -25,10 +25,10 @@ struct ParityBlock {
 // s_c = 1 in odd and -1 in even columns of the sensor, counted from the principal point; w_c a Hann
 // window over the region. The window's transform vanishes near the highest frequency, so light that
 // changes slowly along the line cancels. D is the difference of the two gains over their mean.
-// Pixels of one colour count: all of a mono sensor, the green ones of a Bayer sensor. Their columns
-// alternate with the rows, so a line as narrow as a pixel contributes to D, in the recordings as in
-// the expectation. What the sensor adds in the dark is compared by DarkStatistic and
-// FixedPatternStatistic.
+// Only pixels of one colour count: all of a mono sensor, the green ones of a Bayer sensor.
+// Their columns alternate with the rows, so a line as narrow as a pixel contributes to D,
+// equally in recordings and expectation. DarkStatistic and FixedPatternStatistic cover dark
+// differences.
 class ColumnParityStatistic : public SetStatistic {
  public:
   explicit ColumnParityStatistic(const RecordedSet& set);

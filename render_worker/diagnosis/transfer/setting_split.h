@@ -18,10 +18,10 @@ struct SettingSplit {
   std::vector<std::vector<bool>> held_out[kHalves];  // [block][component]
 };
 
-// Splits by every setting that varies. Values alternate in their order: every second one is held
-// out. Dark frames have an exposure time and a place in time; the other settings say nothing about
-// them, and they are not held out there. Time is divided into eight parts of equally many
-// recordings. "pixels" holds out every second pair of components of each block.
+// Splits by every setting that varies. Every second value in ascending order is held out. Dark
+// frames only have an exposure time and a time; for other settings they are not held out. Time is
+// divided into eight parts with equally many recordings. "pixels" holds out every second pair of
+// components of each block.
 std::vector<SettingSplit> SplitBySettings(const SetModel& model);
 
 }  // namespace sightline

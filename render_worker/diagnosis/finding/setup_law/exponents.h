@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Exponents of a law, fitted freely.
+// Free fit of the exponents of a dependence on the set-up.
 #pragma once
 
 #include <vector>
@@ -8,11 +8,11 @@
 
 namespace sightline::setup_law {
 
-// In the order of the form's powers.
+// Elements in the order of the form's powers.
 struct Exponents {
   std::vector<double> values, standard_errors;
 };
-// Gauss and Newton on amplitude, constant and exponents, with the weights of the robust fit.
+// Gauss-Newton fit of amplitude, constant and exponents, with the weights of the robust fit.
 Exponents FitExponents(const LawSearch& search, const Standardised& data,
                        const LawSearch::Found& found);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Forms of laws that FindSetupLaws tries, and the fit of one of them.
+// Functional forms that FindSetupLaws tries, and the fit of one of them.
 #pragma once
 
 #include <Eigen/Dense>
@@ -14,10 +14,10 @@ namespace sightline::setup_law {
 struct Quantity {
   const char* name;
   double SetupAmplitude::*value;
-  bool may_be_negative_power;  // not of what has no scale of its own: times and counts
+  bool may_be_negative_power;  // false for quantities without a natural scale: times and counts
 };
 
-// Values of one quantity over a typical one.
+// Values of one quantity relative to a typical value.
 struct Scaled {
   const Quantity* quantity = nullptr;
   double typical = 1;
@@ -37,7 +37,7 @@ struct Form {
   std::vector<Power> powers;
   double time_s = 0;  // of an exponential or step
   bool offset = false;
-  double choice = 0;  // 2 ln(number of forms alike)
+  double choice = 0;  // 2 ln(number of similar forms)
   Eigen::ArrayXd g;
 };
 
@@ -56,17 +56,17 @@ struct Fit {
 // Degrees of freedom of Student's likelihood.
 inline constexpr double kFreedom = 4;
 inline constexpr int kIterations = 8;
-inline constexpr int kFewIterations = 3;  // to choose among many
+inline constexpr int kFewIterations = 3;  // for the choice among many forms
 
-// Maximum of Student's likelihood by reweighting, for factor, offset and scale. An infinite
-// description length: the form cannot be fitted.
+// Maximum of Student's likelihood by iterative reweighting, for factor, offset and scale. The
+// description length is infinite if the form cannot be fitted.
 Fit FitForm(const Standardised& data, const Form& form, int iterations = kIterations);
 
-// Product of powers of the quantities over their typical values, of `size` amplitudes.
+// Product of powers of the quantities relative to their typical values, for `size` amplitudes.
 Eigen::ArrayXd Product(const std::vector<Scaled>& quantities, const std::vector<Power>& powers,
                        Eigen::Index size);
 
-// Quantities that are known and differ among the amplitudes, with the exponents that are tried.
+// Known quantities that vary among the amplitudes, with the exponents to try.
 std::vector<Scaled> UsableQuantities(std::span<const SetupAmplitude> amplitudes);
 
 }  // namespace sightline::setup_law

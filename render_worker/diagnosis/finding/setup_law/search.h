@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The search among laws of one, two and three quantities.
+// Search among dependences on one, two and three quantities.
 #pragma once
 
 #include <span>
@@ -30,7 +30,8 @@ class LawSearch {
   void AddPairs();
   void AddThird(const Standardised& data, const Form& pair, std::vector<Found>& found) const;
 
-  double further_quantity_;  // description of one: it must be as sure as the law itself
+  double further_quantity_;  // description length of one; it must be as significant as the
+                             // dependence itself
   Eigen::Index size_;
   std::vector<Scaled> quantities_;
   Form constant_;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Search for the parameters of one effect that gain most, by coarse evaluations of the model:
-// linear steps from the null values, the shapes that its description names, larger steps both ways,
-// and values beyond a threshold.
+// Searches the parameters of one effect with the largest gain by coarse evaluations of the model:
+// linear steps from the null values, shapes named by its description, larger steps both ways, and
+// values beyond a threshold.
 #pragma once
 
 #include <vector>

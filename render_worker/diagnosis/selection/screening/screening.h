@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Screening: what single effects are expected to gain, by the model's own expectations and a fit
-// linearised about its parameters. It costs some expectations of the set an effect, where a fit
-// costs hundreds; the model comparison starts from its results.
+// Screening: expected gains of single effects, by the model's expectations and a fit linearised at
+// its parameters. Screening takes a few expectations of the set per effect, a fit hundreds. The
+// model comparison starts from the results.
 #pragma once
 
 #include <Eigen/Core>
@@ -17,13 +17,13 @@ struct ScreenedEffect {
   ActiveEffect strongest;  // the parameters of largest gain; any, if nothing gains
   Eigen::VectorXd change;  // of the whitened expectation there
   double gain = 0;         // in log-likelihood [nats]
-  // Gain and parameters if the model were linear and parameters at their bounds were free [nats].
-  // Much more than `gain`: the set-up's parameters have taken the effect's place, and both must
-  // move together.
+  // Gain if the model were linear and parameters at their bounds were free [nats]. If it is much
+  // larger than `gain`, the set-up's parameters have absorbed the effect, and both must be fitted
+  // together.
   double linear_gain = 0;
   ActiveEffect linear_best;
-  // The first parameter that changes something by itself, and its standardised value at which the
-  // expected gain is 5 nats; 0: the recordings do not show it.
+  // The first parameter that has an effect by itself, and its standardised value at an expected
+  // gain of 5 nats; 0: the recordings cannot show it.
   int parameter = 0;
   double detectable = 0;
 };

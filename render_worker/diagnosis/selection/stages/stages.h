@@ -49,9 +49,9 @@ std::vector<Hypothesis> AddRandomEffects(const Context& context, std::vector<Hyp
 // True if a random effect explains most, also compared with `best`, which may be null.
 bool RandomEffectLeads(const std::vector<Hypothesis>& hypotheses, const FitResult* best);
 
-// The null model under the covariance of the first hypothesis, which is nearer the truth than the
-// null model's own, and the fit that has that covariance. `best`: BestRefit::fit; empty: it is
-// fitted here. Without hypotheses both are those of the context.
+// The null model under the covariance of the first hypothesis, which is closer to the truth than
+// the null model's own, and the fit with that covariance. `best`: BestRefit::fit; if empty, it is
+// fitted here. Without hypotheses both come from the context.
 struct ReferenceResult {
   FitResult null;           // for Context::null
   FitResult linearisation;  // for Context::linearisation
@@ -59,9 +59,9 @@ struct ReferenceResult {
 };
 ReferenceResult ReferenceOfBest(const Context& context, const std::vector<Hypothesis>& hypotheses,
                                 std::optional<FitResult> best);
-// Fits all hypotheses, none of which is a random effect, under the covariance of
-// Context::linearisation, then each effect of the best one by itself from where all of them led:
-// before, it may have been stuck where other parameters made up for it. Sorted.
+// Fits all hypotheses (none of which is a random effect) under the covariance of
+// Context::linearisation, then each effect of the best one alone, starting at their common result:
+// earlier, it may have been stuck where other parameters compensated for it. Sorted.
 StageResult FitUnderOneCovariance(const Context& context, std::vector<Hypothesis> hypotheses);
 
 // Adds pairs of an effect and a random effect; or of an effect and the vibration, if it was
@@ -106,10 +106,10 @@ struct HypothesisCounts {
   int free_forms = 0;
 };
 HypothesisCounts CountsOf(const ComparisonSettings& settings);
-// Evidence of every hypothesis with the weight that the model's own errors leave it [nats]: they
-// and errors of the best effect's modelled change can look like another effect in its place. One
-// more effect, which changes something else, counts in full beyond the gain that such errors could
-// give it.
+// Log evidence of every hypothesis, discounted for the model's own errors [nats]: these, and
+// errors of the best effect's modelled change, can look like another effect in its place. An
+// additional effect with another change counts in full beyond the gain that such errors could give
+// it.
 // `effect_error_of_all`: relative error of modelled changes that the covariance does not contain.
 std::vector<double> TrustedEvidence(const std::vector<Hypothesis>& hypotheses,
                                     double effect_error_of_all);

@@ -15,7 +15,7 @@ namespace sightline {
 inline constexpr int kCorrelationLags = 2;
 inline constexpr int kCoreValues = 1 + 2 * kCorrelationLags;
 
-// The row `lag` rows further; at the region's end, as many rows back.
+// The row `lag` rows below, or above at the region's end.
 int OtherRow(int row, int lag, int rows_px);
 
 // Sums over the rows of one plane's core.

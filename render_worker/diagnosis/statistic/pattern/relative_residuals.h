@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How pixels differ from their neighbours on the line, relative to the light there.
+// Relative deviation of pixels from their neighbours on the line.
 #pragma once
 
 #include <cstdint>
