@@ -8,9 +8,9 @@
 
 namespace sightline {
 
-// Adds to every pixel what flows in from its four neighbours within the image: flow(from, to) is
-// what `to` gains and `from` loses, given both charges before anything moved. Nothing crosses the
-// rim (the light there goes on, so as much comes in as leaves): the sum stays.
+// Adds to every pixel the charge from its four neighbours within the image: flow(from, to) is
+// gained by `to` and lost by `from`, given both charges before any flow. Nothing crosses the
+// image's edge (the light continues there, so in- and outflow are equal), and the sum is conserved.
 template <typename Flow>
 void MoveCharge(Image<double>& electrons, const Flow& flow) {
   std::vector<double> before_row(electrons.values.begin(),

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Physical effects as modules that plug into one stage of the image chain. The renderer switches
-// them on, the diagnosis fits them: the same code.
+// Physical effects as modules for one stage of the image chain. The renderer and the diagnosis use
+// the same code: one applies the effects, the other fits them.
 #pragma once
 
 #include <memory>
@@ -24,17 +24,17 @@ struct EffectParameter {
   std::string_view name;  // with its unit, as in the recordings format's vocabulary
   double null_value;    // all at null: as if left out, bit by bit; of a mere shape: a typical value
   double lower, upper;  // physical bounds; lower <= null_value <= upper
-  // Half of all rigs that have the effect are believed to deviate from the null value by less than
-  // this (scale of the prior, in the parameter's unit; > 0).
+  // Scale of the prior, in the parameter's unit, > 0: half of all rigs with the effect are believed
+  // to deviate less than this from the null value.
   double prior_scale;
-  // Values from which a search for a mere shape starts in addition to the null value, where a fit
-  // does not move from one to another (a place, a phase, a period).
+  // Start values of a search, in addition to the null value, for a shape parameter (a position, a
+  // phase, a period) in which a fit cannot move from one value to another.
   std::vector<double> starts = {};
   // Decades below `prior_scale` that are equally likely, for an amount that may be anything from
-  // hardly seen to blinding. 0: the prior is that of `prior_scale` alone.
+  // barely visible to blinding. 0: the prior is that of `prior_scale` alone.
   double decades = 0;
-  // The only values that a count can have besides the null value (blades of an aperture, missing
-  // bits); each is tried, none is fitted. Empty: the parameter is continuous.
+  // The only values of a count besides the null value (blades of an aperture, missing bits); each
+  // is tried, none is fitted. Empty: the parameter is continuous.
   std::vector<double> discrete_values = {};
 };
 
@@ -52,14 +52,14 @@ enum class ChargeTransport {
   kGrowsWithCharge,  // a larger share the more charge there is
 };
 
-// Regions of an image in which an effect shows, and settings on which its size depends, in the
-// words of the recordings format ("line_core", "background"; "f_number", "exposure_time_s").
+// Regions of an image in which an effect shows, and settings on which its size depends, as named in
+// the recordings format ("line_core", "background"; "f_number", "exposure_time_s").
 struct EffectSignature {
   std::vector<std::string_view> regions = {}, depends_on = {};
 };
 
-// An effect changes the expectation of every recording, or it is random: only the distribution of
-// its realised values is known, which differ from pixel to pixel, row to row, ...
+// An effect either changes the expectation of every recording, or is random: only the distribution
+// of its realised values is known, which differ from pixel to pixel, row to row, ...
 enum class EffectKind {
   kExpected,
   kRandomPerPixel,
@@ -70,7 +70,7 @@ enum class EffectKind {
 };
 
 // Distribution of the amplitudes of a random effect per recording or per place. Its covariance
-// function stands in render_worker/diagnosis/random_effect; its parameters are those of the effect.
+// function is in render_worker/diagnosis/random_effect; its parameters are those of the effect.
 enum class RandomLaw {
   kNone,
   kPower,                // independent relative deviations of the power
@@ -83,58 +83,58 @@ enum class RandomLaw {
   kCorrelatedMovement,  // movement across the line with a correlation time
 };
 
-// How a fit finds its start where it does not move from one shape to another.
+// Source of start values if a fit cannot move from one shape to another.
 enum class StartSearch {
   kGrid,                 // EffectParameter::starts
   kPeriodogramOfTime,    // peaks of a periodogram over the recordings' timestamps
   kPeriodogramOfSensor,  // peaks of a periodogram over rows and columns of the sensor
 };
 
-// Images on which an effect acts. An inspection may use another set-up than the recordings, and it
+// Images on which an effect acts. An inspection may have another set-up than the recordings, and it
 // shows a part.
 enum class EffectScope {
   kAnyImage,        // the same effect acts on images of parts
-  kFlatPlate,       // acts on flat plates only: the renderer refuses it for parts
-  kRecordingSetUp,  // distances and angles of the recordings, none of camera, lens or laser
+  kFlatPlate,       // acts on flat plates only: the renderer rejects it for parts
+  kRecordingSetUp,  // distances and angles of the recordings, no property of camera, lens or laser
 };
 
 // A number of an inspection (docs/api) that has the same meaning as a parameter
 // of an effect.
 struct InspectionField {
-  // Dotted path, as "laser.power_w". "materials.material." leads to every material of the plate.
-  // Empty: images of parts cannot show this parameter.
+  // Dotted path such as "laser.power_w"; "materials.material." stands for every material of the
+  // plate. Empty: images of parts cannot show this parameter.
   std::string_view field;
   enum Operation { kFactor, kShift } operation = kFactor;
   int parameter = 0;  // index of the parameter that is the factor, or what is added
-  // The inspection keeps the effect itself if it does not state the number, or if the changed
-  // number would be out of range. False: the number is cut at its range.
+  // True: the inspection keeps the effect itself if it does not state the number, or if the changed
+  // number would be out of range. False: the number is clamped to its range.
   bool may_stay_an_effect = false;
-  // The parameter is the radiance of the lit plate, the field that of the light which falls on it:
-  // it is divided by the reflectance of the plate.
+  // The parameter is the radiance of the lit plate, but the field is that of the incident light: it
+  // is divided by the reflectance of the plate.
   bool is_radiance_of_plate = false;
 };
 
 struct EffectDescription {
   std::string_view id;  // "optics.veiling_glare"
   Stage stage;
-  // The realised value of a random effect cannot be known: the effect changes the variance of
-  // pixels or recordings, not their expectation.
+  // kExpected: the effect changes the expectation. Otherwise its realised value is unknown, and it
+  // changes the variance of pixels or recordings.
   EffectKind kind = EffectKind::kExpected;
   RandomLaw random_law = RandomLaw::kNone;
   StartSearch start_search = StartSearch::kGrid;
-  // False: recordings of a plate are uninformative about it, whatever is varied.
+  // False: recordings of a plate are uninformative about it for any set-up.
   bool plates_can_show_it = true;
   EffectSignature signature = {};
   EffectScope scope = EffectScope::kAnyImage;
-  // Empty: no field of an inspection says the same.
+  // Empty: no field of an inspection expresses the effect.
   std::vector<InspectionField> inspection_fields = {};
   // The diagnosis estimates the realised value of this random effect, so that its hooks act on the
   // expectation of each recording.
   bool realisation_is_estimated = false;
-  // Its pattern may be finer than the blocks of columns over which statistics average, so that the
-  // expectation of a block is its mean over the block's columns.
+  // Its pattern may be finer than the segments over which statistics average, so that the
+  // expectation of a segment is its mean over the segment's columns.
   bool finer_than_block = false;
-  // Odd and even columns differ, so that one column does not stand for its neighbours.
+  // Odd and even columns differ, so that a column does not represent its neighbours.
   bool columns_alternate = false;
   ColumnTransport column_transport = ColumnTransport::kNone;
   ChargeTransport charge_transport = ChargeTransport::kNone;
@@ -151,9 +151,10 @@ struct EffectDescription {
   bool MovesCharge() const { return charge_transport != ChargeTransport::kNone; }
 };
 
-// Standard deviations of offsets that all pixels of a row, or of a column, share [electrons].
+// Standard deviations of offsets that all pixels of a row or of a column have in common
+// [electrons].
 struct LineOffsets {
-  double row_electrons = 0;     // from scratch in every recording
+  double row_electrons = 0;     // new in every recording
   double column_electrons = 0;  // fixed for the sensor
 };
 
@@ -168,7 +169,7 @@ class Effect {
   using Parameters = std::span<const double>;
   // Numbers of the frame: power, distances, f-number, gain, exposure time, ...
   virtual void OnFrame(FrameSetup&, Parameters) const {}
-  // Plate only: laser irradiance, reflectance, height, other light as functions of the place.
+  // Only plates: laser irradiance, reflectance, height, other light as functions of the position.
   virtual void OnPlate(PlateScene&, const FrameSetup&, Parameters) const {}
   // Ideal image at the sub-pixels.
   virtual void OnIdealImage(IdealImage&, const FrameSetup&, Parameters) const {}
@@ -177,8 +178,8 @@ class Effect {
   virtual void OnSpeckle(SpeckleModel&, const FrameSetup&, Parameters) const {}
   // Irradiance of the pixels.
   virtual void OnPixelIrradiance(PixelIrradiance&, const FrameSetup&, Parameters) const {}
-  // Mean photo-electrons, before noise. `previous`: those of the frame read out before this one in
-  // the same burst (nullptr: none).
+  // Mean photo-electrons, before noise. `previous`: those of the preceding frame in the same burst
+  // (nullptr: none).
   virtual void OnMeanElectrons(Image<double>&, const Image<double>* /*previous*/, const FrameSetup&,
                                Parameters) const {}
   // Charge after noise, before conversion.
@@ -186,17 +187,17 @@ class Effect {
   // Raw numbers.
   virtual void OnRaw(Image<uint16_t>&, const FrameSetup&, Parameters) const {}
 
-  // Random effects on whole rows and columns state their variance here; the diagnosis uses it
-  // instead of the realised offsets.
+  // Random effects on whole rows and columns set their variance here; the diagnosis uses it instead
+  // of the realised offsets.
   virtual void OnLineOffsets(LineOffsets&, Parameters) const {}
-  // Relative variance of the light of columns about the mean of a block of so many of them (>= 1),
-  // by a pattern of unknown phase that is fixed on the sensor.
+  // Relative variance of the light of columns about the mean of a block of `columns_px` (>= 1)
+  // columns, due to a pattern of unknown phase that is fixed on the sensor.
   virtual double VarianceWithinBlock(int /*columns_px*/, Parameters) const { return 0; }
 };
 
 // All effects of the vocabulary, by id.
 std::span<const Effect* const> AllEffects();
-// nullptr: unknown.
+// Returns nullptr for an unknown id.
 const Effect* FindEffect(std::string_view id);
 
 // An effect with its strength.
@@ -205,8 +206,8 @@ struct ActiveEffect {
   std::vector<double> parameters;
 };
 
-// Checks id, names and bounds; left-out parameters are null. INVALID_ARGUMENT names the effect, the
-// parameter, the value, the allowed range, and the nearest known name.
+// Checks id, names and bounds; omitted parameters have their null values. INVALID_ARGUMENT names
+// the effect, the parameter, the value, the allowed range, and the nearest known name.
 struct NamedValue {
   std::string name;
   double value;
@@ -214,8 +215,8 @@ struct NamedValue {
 absl::StatusOr<ActiveEffect> MakeActiveEffect(std::string_view id,
                                               const std::vector<NamedValue>& parameters);
 
-// Puts effects into the order in which they act, that of AllEffects, so that the image does not
-// depend on the order in which they were listed. INVALID_ARGUMENT: one is there twice.
+// Sorts effects into the order in which they act, that of AllEffects, so that the image does not
+// depend on the order of the list. INVALID_ARGUMENT if an effect appears twice.
 absl::Status OrderEffects(std::vector<ActiveEffect>* effects);
 
 }  // namespace sightline

@@ -11,7 +11,7 @@
 
 namespace sightline {
 
-// Multiplies all light of every pixel by factor(column_px, row_px), places relative to the
+// Multiplies all light of every pixel by factor(column_px, row_px), in positions relative to the
 // principal point.
 template <typename Factor>
 void MultiplyLight(PixelIrradiance& light, bool laser_only, const Factor& factor) {
@@ -27,14 +27,14 @@ void MultiplyLight(PixelIrradiance& light, bool laser_only, const Factor& factor
   }
 }
 
-// Random-number stream of a place on the sensor.
+// Random-number stream of a position on the sensor.
 inline uint64_t PixelStream(int column_px, int row_px) {
   return static_cast<uint64_t>(static_cast<uint32_t>(row_px)) << 32 |
          static_cast<uint32_t>(column_px);
 }
 
-// Adds exponentially distributed charge of this mean to a part of the pixels, always the same ones:
-// those whose own random number lies below the part. `roi`: where the image is on the sensor.
+// Adds exponentially distributed charge of this mean to a fixed subset of the pixels: those whose
+// own random number is below the given fraction. `roi`: position of the image on the sensor.
 inline void AddToSomePixels(Image<double>& electrons, const RegionOfInterest& roi, uint64_t seed,
                             double part, double mean_electrons) {
   for (int i = 0; i < electrons.rows_px; ++i) {

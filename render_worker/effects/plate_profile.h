@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A function of the plate, tabulated across the line so that it can be spread.
+// A function on the plate, tabulated across the line for convolutions.
 #pragma once
 
 #include <vector>
@@ -9,21 +9,21 @@
 
 namespace sightline {
 
-// Samples over the region of interest and far beyond; at one X if the function is constant along
-// the line, else at places a few pixels apart.
+// Samples cover the region of interest and a wide margin; a single X suffices if the function is
+// constant along the line, otherwise several X a few pixels apart.
 class PlateProfile {
  public:
-  // `finest_m`: scale on the plate below which the function, or what is done to it, is smooth.
+  // `finest_m`: scale on the plate below which the function and its convolutions are smooth.
   PlateProfile(const PlateFunction& function, const FrameSetup& frame, bool constant_along_line,
                double finest_m);
 
   double step_m() const { return step_m_; }
-  // Convolution with exp(-|s|/spread)/(2 spread), exact means of the kernel over the samples.
+  // Convolution with exp(-|s|/spread)/(2 spread), with exact kernel means over the samples.
   void SpreadExponentially(double spread_m);
   // Convolution with symmetric weights, weights[0] at the centre.
   void SpreadBy(const std::vector<double>& weights);
 
-  // Cubic between samples; 0 beyond the ends.
+  // Cubic interpolation; 0 beyond the ends.
   double At(double x_m, double s_m) const;
 
  private:

@@ -6,10 +6,10 @@
 
 namespace sightline {
 
-// False: the reduction of these recordings to segments of the line loses what the effect changes.
+// False: the reduction of these recordings to segments of the line removes the effect's change.
 bool PosesCanShow(const EffectDescription& description);
 
-// False: the effect is an error of a value that is not stated, or needs known amounts of light.
+// False: the effect is an error of an unstated value, or requires known amounts of light.
 bool UnknownLightCanShow(const EffectDescription& description);
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Names of the stages of image formation, as files and reports have them.
+// Names of the stages of image formation in files and reports.
 #pragma once
 
 #include <string_view>

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// The effects, one function each; its physics stands in the file named after it.
+// The effects, one function each; the physics is in the file named after each effect.
 #pragma once
 
 #include "render_worker/effects/effect.h"
 
-// In the order of the recordings format; effects that wrap each other's functions of the plate give
-// the intended composition in this order (profile of the beam first, then its place on the plate).
+// Order of the recordings format. Effects that wrap each other's functions of the plate compose
+// correctly in this order (profile of the beam first, then its position on the plate).
 #define SIGHTLINE_EFFECTS(X) \
   X(AmbientLight)            \
   X(PowerError)              \

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sentences about what the answer leaves and about models with a discrepancy term, alike for plates
-// and parts.
+// Sentences about the remainder of the answer and about models with a discrepancy term, shared by
+// plates and parts.
 #pragma once
 
 #include <string>
@@ -18,7 +18,7 @@ bool NullIsRejectedAnswer(const v1::Diagnosis& diagnosis);
 // there is no remainder or if its probability is at most 0.5.
 std::string RemainderText(const v1::Diagnosis& diagnosis);
 
-// How a model with a discrepancy term compares with the best named one, which is the answer.
+// Comparison of a model with a discrepancy term with the best named model, which is the answer.
 struct TermOverName {
   double more_evidence = 0;        // [nats]
   double more_held_out_score = 0;  // [nats]
@@ -26,8 +26,8 @@ struct TermOverName {
   double share_names_may_leave = kShareNamesMayLeave;
 };
 
-// The first condition of Judge (judgement.h, rule b) that the model with the term fails, for
-// people. `more_held_out_score` counts only if the other two are fulfilled.
+// Text of the first condition of Judge (judgement.h, rule b) that the model with the term fails.
+// `more_held_out_score` only counts if the other two are fulfilled.
 std::string WhyTermDoesNotLead(const TermOverName& term);
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The evidence of a model by Laplace's approximation, in the terms that make it up.
+// The evidence of a model by Laplace's approximation, split into its terms.
 #pragma once
 
 #include "sightline/v1/diagnosis.pb.h"
@@ -7,9 +7,9 @@
 namespace sightline {
 
 // Logarithm of the evidence p(y | M) p(M) of a model with residuals r, data covariance S,
-// standardised parameters z and the information matrix H of all parameters with their priors, but
-// for a constant of the data (MacKay, Information Theory, Inference, and Learning Algorithms,
-// chapter 28):
+// standardised parameters z and the information matrix H of all parameters with their priors, up to
+// a constant of the data (MacKay, Information Theory, Inference, and Learning Algorithms, chapter
+// 28):
 //   log E = -1/2 r' S^-1 r - 1/2 log|S| - 1/2 log|H| + log p(z) + log p(M)
 // All terms in nats.
 struct Evidence {
@@ -19,12 +19,12 @@ struct Evidence {
   double parameter_prior = 0;  // log p(z); the factor (2 pi)^(1/2) of each parameter cancels H's
   double model_prior = 0;      // log p(M)
 
-  // Without the prior of the model: what the data and the parameters say.
+  // The logarithm without the prior of the model: the information of data and parameters.
   double LogMarginalLikelihood() const { return fit + covariance + curvature + parameter_prior; }
   double Log() const { return LogMarginalLikelihood() + model_prior; }
 };
 
-// The terms of a model over those of another one of the same data, and of two that add.
+// Differences of the terms of two models of the same data, and sums of terms.
 Evidence operator-(const Evidence& a, const Evidence& b);
 Evidence operator+(const Evidence& a, const Evidence& b);
 

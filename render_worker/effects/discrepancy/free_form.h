@@ -18,7 +18,7 @@ namespace sightline {
 // All terms, in the order in which they act if several are used. Ids are "unknown.response", ...
 // Null is 0 for every coefficient.
 std::span<const Effect* const> FreeFormTerms();
-// nullptr: there is none of that id.
+// Returns nullptr if no term has that id.
 const Effect* FindFreeFormTerm(std::string_view id);
 
 }  // namespace sightline

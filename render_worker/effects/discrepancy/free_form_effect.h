@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Base of the model-discrepancy terms, and what they share.
+// Base class and shared helpers of the model-discrepancy terms.
 #pragma once
 
 #include <algorithm>
@@ -105,7 +105,7 @@ inline double FourierSeries(double x, int first_harmonic, Effect::Parameters coe
   return sum;
 }
 
-// As many independent patterns of equal mean for every one there is; 1 or more, at most 64.
+// Splits each pattern into `modes` independent ones of equal mean; 1 to 64.
 inline void SplitIntoModes(SpeckleModel& speckle, double modes) {
   speckle.pattern_weights =
       SplitPatterns(speckle.pattern_weights, EqualModes(std::min(modes, 64.0)));

@@ -4,7 +4,7 @@
 
 namespace sightline {
 
-// EffectParameter::decades: from what a closed housing lets through a laser's filter to a lit hall
+// EffectParameter::decades: the range from a closed housing with a laser filter to a lit hall
 // without either.
 inline constexpr double kRadianceDecades = 6;
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Transfer function of an image that moves across the line as A sin(2 pi f t + phase) while it is
-// exposed: the mean of exp(-2 pi i q displacement) over the exposure. Whole periods give
-// J0(2 pi q A), what is left over is summed up (Goodman, Introduction to Fourier Optics, 4th ed.,
-// chapter 7; Lohmann and Paris, Appl. Opt. 4 (1965) 393).
+// Transfer function of an image that moves across the line as A sin(2 pi f t + phase) during its
+// exposure: the mean of exp(-2 pi i q displacement) over the exposure. Whole periods give J0(2 pi q
+// A); the remaining fraction is summed numerically (Goodman, Introduction to Fourier Optics, 4th
+// ed., chapter 7; Lohmann and Paris, Appl. Opt. 4 (1965) 393).
 #pragma once
 
 #include <complex>
