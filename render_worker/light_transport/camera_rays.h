@@ -17,22 +17,22 @@ class CameraRays {
   explicit CameraRays(const SceneView& view);
 
   const Eigen::Vector3d& origin_m() const { return origin_m_; }
-  // Chief ray through sensor position (u, v) [m], part coordinates; its component along the optical
-  // axis is 1, so that ray parameters are depths.
+  // Chief ray through sensor position (u, v) [m], in part coordinates. Its component along the
+  // optical axis is 1, so that ray parameters are depths.
   Eigen::Vector3d ChiefDirection(double u_m, double v_m) const;
 
-  // Ray through a point of the pupil, given by (u1, u2) in [0, 1)^2, to where the chief ray meets
-  // the focused plane.
+  // Ray through a point of the pupil, given by (u1, u2) in [0, 1)^2, to the point where the chief
+  // ray meets the focused plane.
   struct Ray {
     Eigen::Vector3f origin_m;
     Eigen::Vector3f direction;
-    float depth_m;  // along the optical axis, of the direction's length
+    float depth_m;  // along the optical axis, per length of the direction
   };
   Ray PupilRay(double u_m, double v_m, float u1, float u2) const;
 
  private:
   Eigen::Vector3d origin_m_, x_axis_, y_axis_, z_axis_;
-  // Distance to which the lens is focused at a place of the sensor [m].
+  // Focus distance of the lens at a position on the sensor [m].
   double FocusDistance(double u_m, double v_m) const;
 
   double image_distance_m_, focus_distance_m_, pupil_radius_m_;

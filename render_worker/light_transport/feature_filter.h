@@ -20,15 +20,15 @@ struct PixelValues {
   const float* At(size_t pixel) const { return values.data() + pixel * stride; }
 };
 
-// Fits of a plane and of a paraboloid over the image to the pixels around each pixel that lie on
-// the same surface (same material, close to its tangent plane, similar normal), by least squares
-// weighted with the samples of the pixels; the fit's value at the pixel replaces it. Weights depend
-// on geometry only, so halves stay independent, and light that varies linearly (quadratically) over
-// the window is kept exactly. The paraboloid follows the light more closely and lets more noise
-// through; where the two differ by more than their noise, the plane is biased. The window is
-// bounded by the distance of what lights the surface, on whose scale irradiance varies (Ward and
-// Heckbert 1992). Pixels that see more than one surface are left as they are, and so are surfaces
-// with a height field, whose texture would be smoothed with the noise.
+// Around each pixel, a plane and a paraboloid over the image are fitted to the pixels on the same
+// surface (same material, close to its tangent plane, similar normal), by least squares weighted
+// with the pixels' samples. The fit's value at the pixel replaces it. Weights depend on geometry
+// only, so halves stay independent, and light that varies linearly (quadratically) over the window
+// is reproduced exactly. The paraboloid follows the light more closely but passes more noise; if
+// the two differ by more than their noise, the plane is biased. The window is limited by the
+// distance of the light's origin, the scale on which irradiance varies (Ward and Heckbert 1992).
+// Pixels with more than one surface stay unchanged, and so do surfaces with a height field, whose
+// texture would be smoothed with the noise.
 class FeatureFilter {
  public:
   // radius_px: of the largest window; stride at most 16.
@@ -38,11 +38,11 @@ class FeatureFilter {
   // Rows [first, end) of both.
   void Rows(int first_row, int end_row, PixelValues& plane, PixelValues& paraboloid) const;
 
-  // One plane per feature and value, with a margin left and right: whole vectors can be read
+  // One plane per feature and value, with a margin left and right so that whole vectors can be read
   // everywhere.
   struct Layout {
     int columns = 0, rows = 0, stride = 0, margin = 0, width = 0;
-    std::vector<float> material;  // 0: not to be used
+    std::vector<float> material;  // 0: pixel is not used
     std::vector<float> position_m[3], normal[3], samples;
     std::vector<std::vector<float>> values;
   };

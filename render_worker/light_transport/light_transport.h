@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Light transport in a part's scene: laser and other light apart, by ray casting with Embree.
+// Light transport in a part's scene by ray casting with Embree: laser and other light separately.
 #pragma once
 
 #include <Eigen/Core>
@@ -18,7 +18,7 @@
 
 namespace sightline {
 
-// A rectangle that emits evenly to the side of u x v (part coordinates).
+// A rectangle that emits uniformly on the side of u x v (part coordinates).
 struct EmittingRectangle {
   Eigen::Vector3d centre_m;
   Eigen::Vector3d half_edge_u_m;
@@ -39,7 +39,7 @@ struct SceneDescription {
   Spectrum ambient_radiance_w_m2_sr = {};  // per bin, the same from everywhere
 };
 
-// Camera and laser in part coordinates at one moment.
+// Camera and laser in part coordinates at one time.
 struct SceneView {
   SensorPose camera;
   SensorPose laser;  // z: the fan's centre; x: along the line; the sheet contains x and z
@@ -56,30 +56,30 @@ struct SceneView {
 struct TransportSettings {
   int max_bounces = 4;  // reflections after the first; 0: direct light only
   bool laser_interreflection = true;
-  // Standard error of a pixel, bias of the filter included, relative to its radiance: incoherent
-  // light (or to a quarter of the image's mean, if darker), and laser light that was reflected
-  // before (to its mean, or to 1e-4 of the lit line). As far as the most samples allow.
+  // Target standard error of a pixel, bias of the filter included, within the sample limits.
+  // Incoherent light: relative to the pixel's radiance (or to a quarter of the image's mean, if
+  // darker). Reflected laser light: relative to its mean, or to 1e-4 of the lit line.
   double noise_target_relative = 0.01;
   double laser_noise_target_relative = 0.05;
-  // Power of two; more only where the noise target asks for them. Filtered light: a quarter.
+  // Power of two; the noise target may add more. A quarter of it for filtered light.
   int first_samples_per_px = 16;
   int max_samples_per_px = 512;
-  int laser_max_samples_per_px = 128;  // of light that was reflected before; it is low-frequency
+  int laser_max_samples_per_px = 128;  // of reflected light, which has low spatial frequencies
   // Smooth slowly varying light (ambient, interreflection) within surfaces (feature_filter.h).
-  // Direct light of lamps and laser never is. False: every pixel is sampled to the target by
-  // itself.
+  // Direct light of lamps and laser is never smoothed. False: every pixel alone is sampled to the
+  // target.
   bool filter = true;
   int laser_light_paths = 65536;
   uint64_t seed = 1;
   int threads = 2;
 };
 
-// At the sub-pixels of a grid.
+// Images at the sub-pixels of a grid.
 struct LaserTransport {
   Image<float> radiance_w_m2_sr;  // towards the centre of the pupil, laser light in its own line
   Image<float> depth_m;           // along the optical axis; 0: nothing hit
   Image<uint16_t> material;       // 0xffff: nothing hit
-  Image<float> indirect_radiance_w_m2_sr;  // part of radiance_w_m2_sr that was reflected before
+  Image<float> indirect_radiance_w_m2_sr;  // part of radiance_w_m2_sr after a reflection
   int64_t rays = 0;
 };
 
@@ -91,13 +91,13 @@ struct IncoherentTransport {
   int64_t rays = 0;
 };
 
-// Called with a fraction done, from one thread at a time; cancelled() ends the work within 100 ms.
+// Gets the fraction done, from one thread at a time; cancelled() ends the work within 100 ms.
 struct TransportProgress {
   std::function<void(double)> report;
   const std::atomic<bool>* cancelled = nullptr;
 };
 
-// Embree scene, materials and lights. Immutable, so usable from many threads.
+// Embree scene, materials and lights. Immutable, hence thread-safe.
 class LightTransport {
  public:
   // INVALID_ARGUMENT: material index out of range, no triangles; RESOURCE_EXHAUSTED: Embree ran out
@@ -105,9 +105,9 @@ class LightTransport {
   static absl::StatusOr<std::unique_ptr<LightTransport>> Make(SceneDescription description);
   virtual ~LightTransport() = default;
 
-  // Direct light in closed form at the hit point (mean of the beam's profile over the sub-pixel's
-  // footprint, one shadow ray); light reflected before by connecting camera paths to vertices of
-  // light paths that start in the laser (bidirectional, multiple importance sampling). CANCELLED.
+  // Direct light has a closed form at the hit point (mean of the beam's profile over the
+  // sub-pixel's footprint, one shadow ray). Reflected light connects camera paths to vertices of
+  // light paths from the laser (bidirectional, multiple importance sampling). CANCELLED.
   virtual absl::StatusOr<LaserTransport> TraceLaser(const SceneView& view, const SubPixelGrid& grid,
                                                     const TransportSettings& settings,
                                                     const TransportProgress& progress) const = 0;

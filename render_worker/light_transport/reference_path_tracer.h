@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A plain path tracer: the peer for tests and benchmarks.
+// A simple path tracer as the reference for tests and benchmarks.
 #pragma once
 
 #include <cstdint>
@@ -25,8 +25,8 @@ struct PlainImage {
 };
 
 // Next-event estimation and multiple importance sampling (balance heuristic) with independent
-// random samples; no reuse between pixels, no low-discrepancy points. A sample of one sub-pixel of
-// the grid covers it evenly.
+// random samples, without reuse between pixels or low-discrepancy points. The samples of a
+// sub-pixel of the grid cover it uniformly.
 class PlainPathTracer {
  public:
   // `scene` must outlive this.
@@ -35,11 +35,11 @@ class PlainPathTracer {
   // Lamps and ambient, sum over bins of radiance times weight; over the pupil.
   PlainImage TraceIncoherent(const SceneView& view, const SubPixelGrid& grid,
                              const Spectrum& weight, const PlainSettings& settings) const;
-  // The laser's light, pinhole. Its irradiance at every path vertex is closed form (a light source
-  // without area is never met by chance); further reflections by BRDF sampling alone.
+  // Laser light through a pinhole. Its irradiance at every path vertex has a closed form (no path
+  // hits a light source without area by chance); further reflections use BRDF sampling only.
   PlainImage TraceLaser(const SceneView& view, const SubPixelGrid& grid,
                         const PlainSettings& settings) const;
-  // The same without light that comes straight from the laser.
+  // The same without direct laser light.
   PlainImage TraceLaserIndirect(const SceneView& view, const SubPixelGrid& grid,
                                 const PlainSettings& settings) const;
 

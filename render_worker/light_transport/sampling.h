@@ -58,12 +58,12 @@ constexpr std::array<std::array<uint32_t, 32>, 4> SobolDirections() {
   return v;
 }
 
-// Samples of one pixel. Neighbouring pixels take consecutive stretches of one sequence in Morton
-// order (Ahmed and Wonka 2020), so that also means over blocks of pixels converge as fast as the
-// sequence does.
+// Samples of one pixel. Neighbouring pixels take consecutive segments of one sequence in Morton
+// order (Ahmed and Wonka 2020), so that means over blocks of pixels converge as fast as the
+// sequence.
 class PixelSamples {
  public:
-  // 2^log2_per_pixel samples; another seed gives another independent scrambling.
+  // 2^log2_per_pixel samples; each seed gives an independent scrambling.
   PixelSamples(uint64_t seed, int column, int row, int log2_per_pixel)
       : seed_(HashWords(static_cast<uint32_t>(seed), static_cast<uint32_t>(seed >> 32))),
         bits_(16 + log2_per_pixel),
@@ -81,7 +81,7 @@ class PixelSamples {
   std::array<float, 4> Next() {
     static constexpr auto kDirections = SobolDirections();
     const uint32_t seed = HashWords(seed_, ++group_);
-    // Another order of the same blocks for every group: the groups are independent.
+    // Each group permutes the same blocks in another order, which makes the groups independent.
     uint32_t index = OwenScramble(index_ << (32 - bits_), seed) >> (32 - bits_);
     std::array<uint32_t, 4> x = {};
     for (int bit = 0; index != 0; ++bit, index >>= 1) {

@@ -13,19 +13,19 @@
 
 namespace sightline {
 
-// A place on a surface as a ray met it.
+// A point on a surface that a ray has met.
 struct SurfacePoint {
   Eigen::Vector3f position_m = Eigen::Vector3f::Zero();
   float distance = 0;  // in lengths of the ray's direction
-  // Columns of LocalFrame (material.h); the normal is that of the triangle, on the side the ray
-  // came from.
+  // Columns of LocalFrame (material.h). The normal is that of the triangle on the side of the
+  // ray.
   Eigen::Vector3f tangent = Eigen::Vector3f::UnitX();
   Eigen::Vector3f bitangent = Eigen::Vector3f::UnitY();
   Eigen::Vector3f normal = Eigen::Vector3f::UnitZ();
   const Material* material = nullptr;  // null: a lamp
   uint16_t material_index = 0;
   int lamp = -1;
-  bool front = true;  // met on the outer side
+  bool front = true;  // met from the outer side
   SurfaceDetail detail;
 
   Eigen::Vector3f ToLocal(const Eigen::Vector3f& v) const {
@@ -36,7 +36,7 @@ struct SurfacePoint {
   }
 };
 
-// Immutable after Make, so usable from many threads.
+// Immutable after Make, hence thread-safe.
 class RayScene {
  public:
   // Errors as LightTransport::Make.
@@ -47,20 +47,20 @@ class RayScene {
 
   const SceneDescription& description() const { return description_; }
   bool grey() const { return grey_; }
-  // How far ray origins are lifted off a surface, so that rounding does not make it hit itself.
+  // Offset of ray origins from a surface, so that rounding causes no self-intersection.
   float lift_m() const { return lift_m_; }
 
-  // Nearest surface along the ray; direction of any length. `footprint_m`: width of the ray at the
-  // origin, and `footprint_growth` per length of the direction, for height fields.
+  // Nearest surface along the ray; direction of any length. For height fields, `footprint_m` is the
+  // width of the ray at the origin, and `footprint_growth` its growth per length of the direction.
   bool Intersect(const Eigen::Vector3f& origin_m, const Eigen::Vector3f& direction,
                  float footprint_m, float footprint_growth, SurfacePoint& point) const;
-  // From a surface point: lifted to the side of the direction.
+  // The same from a surface point, with the origin offset to the side of the direction.
   bool IntersectFrom(const SurfacePoint& from, const Eigen::Vector3f& direction,
                      SurfacePoint& point) const;
 
-  // True if nothing lies between the surface point and a point in space.
+  // True if nothing is between the surface point and a point in space.
   bool Visible(const SurfacePoint& from, const Eigen::Vector3f& to_m) const;
-  // The same between two surface points, both lifted towards each other.
+  // The same between two surface points, both offset towards each other.
   bool Visible(const SurfacePoint& from, const SurfacePoint& to) const;
 
   RTCScene embree_scene() const { return scene_; }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Work on the tiles of an image from several threads.
+// Parallel work on the tiles of an image.
 #pragma once
 
 #include <functional>
@@ -9,8 +9,8 @@
 
 namespace sightline {
 
-// Calls work(i) once for every i in [0, count), in any order; results must go to slots of their
-// own. Reports progress between `from` and `to`. CANCELLED: at most the calls under way were
+// Calls work(i) once for every i in [0, count), in any order; each call must write to its own
+// slot. Reports progress between `from` and `to`. CANCELLED after the running calls have
 // finished.
 absl::Status ForEachTile(int count, int threads, const TransportProgress& progress, double from,
                          double to, const std::function<void(int)>& work);

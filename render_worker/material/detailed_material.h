@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Properties that all models share: height field, grey or coloured reflectance, machining
-// direction. A model itself sees a flat surface with scaled albedo and roughness.
+// Properties common to all models: height field, grey or coloured reflectance, machining direction.
+// The model itself computes a flat surface with scaled albedo and roughness.
 #pragma once
 
 #include <memory>
@@ -45,7 +45,7 @@ class DetailedMaterial : public Material {
 
   explicit DetailedMaterial(Common common) : common_(std::move(common)) {}
 
-  // Both directions above the surface.
+  // Both directions must be above the surface.
   virtual float FlatBrdf(const Eigen::Vector3f& out, const Eigen::Vector3f& in,
                          const Scales& scales) const = 0;
   virtual void FlatSpectrum(const Eigen::Vector3f& out, const Eigen::Vector3f& in,
@@ -54,8 +54,8 @@ class DetailedMaterial : public Material {
                                      float u2, float u3) const = 0;
   virtual float FlatPdf(const Eigen::Vector3f& out, const Eigen::Vector3f& in,
                         const Scales& scales) const = 0;
-  // Square of the microfacet roughness that slopes finer than the footprint add to; 0: the model
-  // has no such number.
+  // Squared microfacet roughness, to which slopes finer than the footprint are added; 0: the model
+  // has no such parameter.
   virtual float RoughnessSquared() const { return 0; }
 
   const Common& common() const { return common_; }

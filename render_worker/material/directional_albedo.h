@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Share of the light from one direction that a surface reflects, as a function of its cosine.
+// Fraction of light from one direction that a surface reflects, as a function of the cosine.
 #pragma once
 
 #include <functional>

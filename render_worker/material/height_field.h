@@ -10,8 +10,8 @@
 
 namespace sightline {
 
-// Slopes by central differences, bilinear in between; beyond its edges the field is mirrored.
-// Coarser levels hold means over 2 x 2 samples, so that a footprint sees the mean slope of its
+// Slopes by central differences with bilinear interpolation; the field is mirrored at its edges.
+// Coarser levels hold means over 2 x 2 samples, so that a footprint gets the mean slope of its
 // area.
 class HeightField {
  public:
@@ -22,9 +22,9 @@ class HeightField {
     float slope_u = 0;  // mean over the footprint
     float slope_v = 0;
     float relative_height = 0;      // from the mean, in standard deviations
-    float lost_slope_variance = 0;  // of both slopes together, inside the footprint
+    float lost_slope_variance = 0;  // sum for both slopes, inside the footprint
   };
-  // (u, v) on the surface: columns along u, rows along v; any value.
+  // (u, v) on the surface: columns along u, rows along v; any values.
   Patch At(double u_m, double v_m, double footprint_m) const;
 
   double sample_pitch_m() const { return sample_pitch_m_; }
@@ -41,8 +41,8 @@ class HeightField {
   std::vector<Level> levels_;
 };
 
-// Text of heights (one row of samples per line, see core/text/number_table.h for separators and
-// decimal signs) or a single-channel image (PNG, TIFF) of 16-bit numbers, in height_unit_m.
+// Reads a text of heights (one row of samples per line, see core/text/number_table.h for separators
+// and decimal signs) or a single-channel image (PNG, TIFF) of 16-bit values, in height_unit_m.
 // INVALID_ARGUMENT names `context`, the file and the line; NOT_FOUND.
 absl::StatusOr<HeightField> ReadHeightField(const std::string& path, double sample_pitch_m,
                                             double height_unit_m, const std::string& context);

@@ -19,8 +19,8 @@ float GgxDistribution(const GgxRoughness& roughness, const Eigen::Vector3f& half
 // Smith's Lambda; 0 along the normal.
 float GgxLambda(const GgxRoughness& roughness, const Eigen::Vector3f& direction);
 
-// Share of facets seen from one direction, 1/(1 + Lambda); from two, 1/(1 + Lambda + Lambda'). With
-// one direction along the normal the two agree: 2/(1 + sqrt(1 + alpha^2 tan^2)).
+// Fraction of facets visible from one direction, 1/(1 + Lambda), or from two, 1/(1 + Lambda +
+// Lambda'). With one direction along the normal both agree: 2/(1 + sqrt(1 + alpha^2 tan^2)).
 float GgxMasking(const GgxRoughness& roughness, const Eigen::Vector3f& direction);
 float GgxMaskingShadowing(const GgxRoughness& roughness, const Eigen::Vector3f& out,
                           const Eigen::Vector3f& in);
@@ -29,11 +29,12 @@ float GgxMaskingShadowing(const GgxRoughness& roughness, const Eigen::Vector3f& 
 float GgxReflection(const GgxRoughness& roughness, const Eigen::Vector3f& out,
                     const Eigen::Vector3f& in);
 
-// Facet normal in proportion to what `out` sees of it (Heitz, JCGT 2018), from u1, u2 in [0, 1).
+// Samples a facet normal in proportion to its area visible from `out` (Heitz, JCGT 2018), with u1,
+// u2 in [0, 1).
 Eigen::Vector3f SampleVisibleNormal(const GgxRoughness& roughness, const Eigen::Vector3f& out,
                                     float u1, float u2);
 
-// Density [1/sr] of the direction reflected at such a normal.
+// Density [1/sr] of the direction reflected at a normal sampled in this way.
 float VisibleNormalReflectionPdf(const GgxRoughness& roughness, const Eigen::Vector3f& out,
                                  const Eigen::Vector3f& in);
 

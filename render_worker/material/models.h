@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The models of material.h, each from its own message.
+// Constructors of the models of material.h, each from its own message.
 #pragma once
 
 #include <memory>
@@ -13,9 +13,9 @@ namespace sightline {
 
 std::shared_ptr<const Material> MakeLambert(DetailedMaterial::Common common, float albedo);
 
-// rho/pi + D F G/(4 cos cos), F = F0 + (1 - F0)(1 - cos)^5. The plain sum would reflect more than
-// arrives at grazing angles (F tends to 1 there); it is divided by max(1, A(out), A(in)), A being
-// its directional albedo: reciprocal, and the plain sum itself wherever that creates no energy.
+// rho/pi + D F G/(4 cos cos), F = F0 + (1 - F0)(1 - cos)^5. At grazing angles, where F tends to 1,
+// the plain sum would reflect more than arrives. It is divided by max(1, A(out), A(in)) with its
+// directional albedo A: reciprocal, and equal to the plain sum unless that creates energy.
 std::shared_ptr<const Material> MakeLambertGgx(DetailedMaterial::Common common, float albedo,
                                                float specular_f0, float alpha);
 
@@ -25,8 +25,8 @@ struct RefractiveIndexTable {
   std::vector<double> k;
 };
 
-// Rough metal. `diffuse_share` of the surface is taken by a white Lambert reflector, the rest by
-// facets: (1 - d) D F G/(4 cos cos) + d/pi.
+// Rough metal: a white Lambert reflector covers the fraction `diffuse_share` (d) of the surface,
+// facets cover the rest: (1 - d) D F G/(4 cos cos) + d/pi.
 std::shared_ptr<const Material> MakeConductor(DetailedMaterial::Common common,
                                               const RefractiveIndexTable& index, float alpha_x,
                                               float alpha_y, float diffuse_share,

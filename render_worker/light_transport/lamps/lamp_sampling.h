@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sampling of rectangular lamps by the solid angle they fill.
+// Samples rectangular lamps by solid angle.
 #pragma once
 
 #include <Eigen/Core>
@@ -16,7 +16,7 @@ class SphericalRectangle {
   SphericalRectangle(const EmittingRectangle& rectangle, const Eigen::Vector3d& from_m);
 
   double solid_angle_sr() const { return solid_angle_; }
-  // Point of the rectangle.
+  // Returns a point of the rectangle.
   Eigen::Vector3d Sample(double u1, double u2) const;
 
  private:
@@ -25,7 +25,7 @@ class SphericalRectangle {
   double b0_, b1_, k_, solid_angle_;
 };
 
-// Chooses a lamp to sample from a surface point, in proportion to about the irradiance it gives.
+// Chooses a lamp for a surface point, roughly in proportion to its irradiance there.
 class LampChoice {
  public:
   explicit LampChoice(const SceneDescription& description);
@@ -38,10 +38,10 @@ class LampChoice {
     float pdf = 0;  // [1/sr], choice included
   };
   Sample SampleLamp(const SurfacePoint& from, float u_choice, float u1, float u2) const;
-  // [1/sr], of the direction towards a lamp that was met by a ray from the point.
+  // Density [1/sr] of the direction towards a lamp that a ray from the point has met.
   float Pdf(const SurfacePoint& from, int lamp) const;
-  // Nearest lamp whose emitting side a ray meets, and where; -1: none. Other surfaces are not
-  // looked at.
+  // Nearest lamp whose emitting side a ray meets, and the point; -1: none. Other surfaces are
+  // ignored.
   int Meet(const Eigen::Vector3f& from_m, const Eigen::Vector3f& direction,
            Eigen::Vector3f& place_m) const;
 

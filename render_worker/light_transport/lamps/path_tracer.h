@@ -12,10 +12,10 @@
 
 namespace sightline {
 
-// Unidirectional path tracing from the camera. Lamps: next-event estimation by solid angle,
-// combined with the rays that meet them by the power heuristic (Veach 1997). Ambient is the same
-// from all directions, so the rays drawn from the BRDF are all it needs. Grey scenes carry one
-// number along a path, others a spectrum.
+// Unidirectional path tracing from the camera. Lamps use next-event estimation by solid angle,
+// combined with BRDF rays that meet them by the power heuristic (Veach 1997). Ambient light is the
+// same in all directions, so sampling the BRDF suffices. Paths carry one number in grey scenes and
+// a spectrum in others.
 class PathTracer {
  public:
   // One output per channel weight; `scene` must outlive this.
@@ -23,12 +23,12 @@ class PathTracer {
 
   int channels() const { return channels_; }
 
-  // Adds the light along one camera ray, whose first surface was found by the caller (null: none),
-  // to the channels. Both return the rays cast. What comes straight from lamps to the first surface
-  // or the camera, and ambient to the camera.
+  // Adds the light along one camera ray to the channels; the caller has found the first surface
+  // (null: none). Returns the number of rays, as AddReflected. This part contains light directly
+  // from lamps to the first surface or the camera, and from ambient to the camera.
   int AddDirect(const SurfacePoint* first, const Eigen::Vector3f& direction, PixelSamples& samples,
                 std::span<float> sums) const;
-  // All the rest. `inverse_distance_1_m`: to the next surface; 0: none met.
+  // Adds all other light. `inverse_distance_1_m`: to the next surface; 0: none met.
   int AddReflected(const SurfacePoint& first, const Eigen::Vector3f& direction,
                    PixelSamples& samples, std::span<float> sums, float& inverse_distance_1_m) const;
 
@@ -39,7 +39,7 @@ class PathTracer {
   template <class Value>
   int Reflected(const SurfacePoint& first, const Eigen::Vector3f& direction, PixelSamples& samples,
                 std::span<float> sums, float& inverse_distance_1_m) const;
-  // Light of one source times a factor; a spectrum for scenes that are not grey.
+  // Light of one source times a factor; a spectrum in scenes that are not grey.
   template <class Value>
   class Sum;
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Laser light that was reflected before it reaches a surface the camera sees.
+// Laser light that is reflected before it reaches a surface visible to the camera.
 #pragma once
 
 #include "render_worker/light_transport/laser/light_vertices.h"
@@ -20,19 +20,20 @@ class Interreflection {
     float inverse_distance_1_m = 0;
     int rays = 0;
   };
-  // One unbiased sample of the radiance from `first` against `direction`, without light that comes
-  // straight from the laser.
+  // One unbiased sample of the radiance from `first` against `direction`, without direct laser
+  // light.
   Estimate Sample(const SurfacePoint& first, const Eigen::Vector3f& direction,
                   PixelSamples& samples) const;
 
  private:
   struct CameraVertex;
-  // Looks at many light vertices, chooses few in proportion to about the light they would bring
-  // unoccluded (resampled importance sampling, Talbot et al. 2005), connects these.
+  // Examines many light vertices, chooses a few roughly in proportion to their unoccluded
+  // contribution (resampled importance sampling, Talbot et al. 2005) and connects these.
   // `inverse_distance`: of the vertices, weighted by their light.
   float Connect(const CameraVertex& vertex, PixelSamples& samples, int& rays,
                 float& inverse_distance) const;
-  // Light that the vertex would bring unoccluded, with its weight among the ways to have the path.
+  // Unoccluded contribution of the vertex, with the multiple importance sampling weight of its
+  // path.
   float Connection(const CameraVertex& vertex, const LightVertex& light, int light_depth) const;
 
   const RayScene& scene_;

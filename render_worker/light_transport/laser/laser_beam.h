@@ -9,7 +9,7 @@
 
 namespace sightline {
 
-// Widths w of the beam to either side of the sheet that are rendered: |q| <= 3 w holds all but 2e-9
+// Half width of the rendered beam across the sheet in units of w: |q| <= 3 w contains all but 2e-9
 // of the power.
 inline constexpr double kBeamWidths = 3;
 
@@ -34,29 +34,30 @@ class LaserBeam {
   double Radius_m(double z_m) const;
 
   struct Coordinates {
-    double t = 0;  // x/z
+    double t = 0;  // tangent of the fan angle, x/z
     double q_m = 0;
     double z_m = 0;
   };
   Coordinates CoordinatesOf(const Eigen::Vector3d& point_m) const;
-  // False outside the fan, behind the source and further than `widths` w from the sheet, where the
-  // light is left out.
+  // False outside the fan, behind the source and more than `widths` w away from the sheet; such
+  // light is neglected.
   bool Reaches(const Coordinates& c, double widths) const;
 
-  // Direction of travel at a point, unit vector (the slight divergence across the sheet left out).
+  // Direction of travel at a point, unit vector (the slight divergence across the sheet is
+  // neglected).
   Eigen::Vector3d Direction(const Coordinates& c) const;
-  // Origin in the source of the light at a point, for shadow rays: the same relative place
-  // in the beam's profile.
+  // Origin in the source of the light at a point, for shadow rays: the same relative position in
+  // the beam's profile.
   Eigen::Vector3d SourcePoint(const Coordinates& c) const;
 
   // Irradiance perpendicular to the ray [W/m^2].
   double Irradiance_w_m2(const Coordinates& c) const;
-  // Its mean over a footprint, a parallelogram about the point that reaches across the sheet by
-  // +- (a + b)/2: the exact integral of the Gaussian, so a line thinner than the footprint keeps
+  // Its mean over a footprint, a parallelogram around the point that extends by +- (a + b)/2 across
+  // the sheet. The integral of the Gaussian is exact, so a line thinner than the footprint keeps
   // its power.
   double MeanIrradiance_w_m2(const Coordinates& c, double a_m, double b_m) const;
 
-  // A ray of the beam by its place in the fan, u in [0, 1) in proportion to power.
+  // Samples a ray's position t in the fan in proportion to power, u in [0, 1).
   double SampleT(double u) const;
   // Point of the ray (t, q = s w(z)) at axial distance z.
   Eigen::Vector3d PointAt(double t, double s, double z_m) const;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// An isotropic BRDF from measurements, made energy-conserving.
+// An isotropic measured BRDF, made energy-conserving.
 #pragma once
 
 #include <array>
@@ -12,8 +12,8 @@
 
 namespace sightline {
 
-// One BRDF a colour channel, each reciprocal. Where measurements reflect more than arrives they are
-// divided by max(1, A(out), A(in)), A being the directional albedo: that keeps reciprocity.
+// One reciprocal BRDF per colour channel. If measurements reflect more light than arrives, they are
+// divided by max(1, A(out), A(in)) with the directional albedo A, which keeps reciprocity.
 class TabulatedMaterial final : public DetailedMaterial {
  public:
   struct Channel {

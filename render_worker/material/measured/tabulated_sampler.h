@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Draws directions in proportion to an isotropic BRDF times the cosine, from a table.
+// Samples directions in proportion to an isotropic BRDF times the cosine, from a table.
 #pragma once
 
 #include <Eigen/Core>
@@ -13,15 +13,15 @@ namespace sightline {
 // Isotropic BRDF of (cos out, cos in, azimuth between them [0, pi]).
 using IsotropicBrdf = std::function<float(float cos_out, float cos_in, float azimuth_rad)>;
 
-// For each of 46 view angles: cells of equal projected solid angle with their mean BRDF as weight,
-// mixed with a cosine lobe, so that the density is positive everywhere.
+// For each of 46 view angles, cells of equal projected solid angle weighted with their mean BRDF,
+// mixed with a cosine lobe so that the density is positive everywhere.
 class TabulatedSampler {
  public:
   explicit TabulatedSampler(const IsotropicBrdf& brdf);
 
   Eigen::Vector3f Sample(const Eigen::Vector3f& out, float u1, float u2, float u3) const;
   float Pdf(const Eigen::Vector3f& out, const Eigen::Vector3f& in) const;
-  // Directional albedo of the BRDF, by the same cells.
+  // Directional albedo of the BRDF, from the same cells.
   const DirectionalAlbedo& albedo() const { return albedo_; }
 
  private:
