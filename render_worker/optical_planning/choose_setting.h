@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Chooses the setting with which a group of frames is detected best.
+// Chooses the setting with the best line detection for a group of frames.
 #pragma once
 
 #include <functional>
@@ -12,9 +12,9 @@
 
 namespace sightline {
 
-// Values that all settings of a group share.
+// Values common to all settings of a group.
 struct SettingGroup {
-  double image_speed_px_per_m = 0;  // of the image per travel of the stage
+  double image_speed_px_per_m = 0;  // image displacement per travel of the stage
   double travel_m = 0;              // of the scan; 0: a single frame
   double stated_focus_m = 0;        // default focus distance
   std::vector<double> f_numbers;    // to try, ascending
@@ -23,9 +23,9 @@ struct SettingGroup {
 // The best result of an f-number, and the trials with its lens setting and laser power.
 struct FNumberChoice {
   double f_number = 0;
-  std::vector<JudgedSetting> exposures;  // by exposure time; empty: refused
+  std::vector<JudgedSetting> exposures;  // by exposure time; empty: rejected
   size_t best = 0;                       // of these
-  std::string refused;                   // why
+  std::string refused;                   // reason for the rejection
 };
 
 struct SettingChoice {
@@ -47,23 +47,23 @@ struct SettingChoice {
   const JudgedSetting& chosen() const { return pair ? *pair : best_single(); }
 };
 
-// Its cost exceeds that of `best` by no more than 1.96 standard errors of the difference.
+// True if the cost exceeds that of `best` by at most 1.96 standard errors of the difference.
 bool AsGoodAs(const JudgedSetting& judged, const JudgedSetting& best);
 
-// Exposure times for the planning's smallest f-number: as stated, or from where bright places of
-// the line (one in ten is brighter) reach a 25th of what the sensor holds to where dark ones (one
-// in ten is darker) would hold four times as much, over all frames, at most what `limit` allows, in
-// equal ratios.
+// Exposure times for the smallest f-number of the planning: as stated, or a geometric series over
+// all frames. It begins where bright points of the line (90th percentile) reach 1/25 of the full
+// scale, and ends where dark points (10th percentile) would reach four times the full scale, but at
+// most at `limit`.
 ExposureGrid MakeExposureGrid(const SettingJudge& judge, const Inspection& inspection,
                               const ExposureLimit& limit);
 
-// Every f-number, and for each sensor tilts, focus distances, laser powers and exposures as far as
-// they may vary. A range of focus distances is tried at five distances equally spaced in 1/d, along
-// which defocus is linear, and twice more beside the best; a range of powers at its ends and their
-// geometric mean. `progress` is called with fractions in [0, 1] that never fall, after every strip
-// of an image and every few exposures; the judge's own report is turned off at the end.
-// FAILED_PRECONDITION, reason EXPOSURE_TOO_LONG: the shortest exposure is longer than the stage's
-// speed or the frame rate allow, at every f-number. Errors of the judge.
+// Evaluates every f-number with all permitted sensor tilts, focus distances, laser powers and
+// exposures. A range of focus distances is sampled at five distances equally spaced in 1/d, in
+// which defocus is linear, and at two more next to the best; a range of powers at its ends and
+// their geometric mean. `progress` gets non-decreasing fractions in [0, 1], after every strip of an
+// image and every few exposures; the judge's own report is disabled at the end.
+// FAILED_PRECONDITION, reason EXPOSURE_TOO_LONG: at every f-number, the shortest exposure exceeds
+// the limit by the stage's speed or the frame rate. Errors of the judge.
 absl::StatusOr<SettingChoice> ChooseSetting(SettingJudge& judge, const Inspection& inspection,
                                             const SettingGroup& group, const ExposureGrid& grid,
                                             const std::function<void(double)>& progress);

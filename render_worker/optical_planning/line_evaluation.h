@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From the light on the pixels to how well the laser line is found: sensor and detection.
+// Exposes an image, detects the laser line and measures the quality of the detection.
 #pragma once
 
 #include <optional>
@@ -21,14 +21,14 @@ struct DetectionPlan {
   LaserLineMethod method = LaserLineMethod::kStegerCentreOfGravity;
 };
 
-// `frame`: the setting, with its plate.camera_distance_m at the line. The channel defaults to the
-// one with the highest quantum efficiency at the laser's wavelength, the scale to the width of the
-// line's image (NominalWidthPx), the threshold to six standard deviations of what dark noise and
-// quantisation alone would score.
+// `frame`: the setting, with its plate.camera_distance_m at the line. Defaults: the channel with
+// the highest quantum efficiency at the laser's wavelength, the scale from the width of the line's
+// image (NominalWidthPx), and as threshold six standard deviations of the response to dark noise
+// and quantisation alone.
 DetectionPlan PlanDetection(const FrameSetup& frame, const LineDetector& detector);
 
-// Detected points of all planes; columns and rows in pixels of the region. Points of a plane come
-// by ascending column, plane after plane.
+// Detected points of all planes; columns and rows in pixels of the region. Sorted by plane, then by
+// ascending column.
 struct DetectedLine {
   std::vector<std::vector<LinePoint>> planes;
 };
@@ -38,21 +38,21 @@ absl::StatusOr<DetectedLine> DetectLine(const Image<uint16_t>& raw_dn, const Det
 DetectedLine MergeExposures(const DetectedLine& long_exposure, const DetectedLine& short_exposure,
                             double apart_px);
 
-// Columns that are evaluated together; speckle and the detection's window reach less far.
+// Number of columns evaluated together; speckle and the detection window are shorter.
 inline constexpr int kBlockColumns_px = 32;
 
-// Detected points against the true line, block by block of every plane.
+// Compares detected points with the true line, in each block of every plane.
 std::vector<LineSums> JudgeLine(const DetectedLine& detected, const DetectionPlan& plan,
                                 const std::vector<LineCrossing>& line, int columns_px,
                                 double reach_px);
 
-// For every block of JudgeLine, in its order, the crossings (indices into `line`) that it counts.
+// For every block of JudgeLine, in its order, the crossings (indices into `line`) that it contains.
 std::vector<std::vector<size_t>> CrossingsOfBlocks(const DetectionPlan& plan,
                                                    const std::vector<LineCrossing>& line,
                                                    int columns_px);
 
-// Reads out one exposure and detects its line. With no effects only the planes that are looked at
-// are computed; their numbers are the same.
+// Reads out one exposure and detects its line. Without effects, only the used planes are computed;
+// their values are the same.
 absl::StatusOr<DetectedLine> ExposeAndDetect(const PixelIrradiance& light, const FrameSetup& frame,
                                              std::span<const ActiveEffect> effects,
                                              const DetectionPlan& plan);

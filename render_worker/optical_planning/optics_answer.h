@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Choices of settings as messages.
+// Converts chosen settings to messages.
 #pragma once
 
 #include <span>
@@ -11,18 +11,18 @@
 
 namespace sightline {
 
-// `height_per_px`: height [m] that one pixel of u_px makes (HeightPerPixel); `scan_time_s`: 0 if
-// not known.
+// `height_per_px`: height [m] that corresponds to one pixel of u_px (HeightPerPixel);
+// `scan_time_s`: 0 if unknown.
 v1::OpticsPoint PointToProto(const JudgedSetting& judged, const JudgedSetting& best,
                              double height_per_px, double scan_time_s);
 
-// Height along the laser's direction that a displacement of one pixel in the image makes:
-// p d / (b sin theta), with theta between the directions of camera and laser (cf. thesis eq. 5.9,
-// where the surface is perpendicular to the camera and the tangent stands for the sine).
+// Height along the laser's direction that corresponds to a displacement of one pixel: p d / (b sin
+// theta), with theta between the directions of camera and laser (cf. thesis eq. 5.9, where the
+// surface is perpendicular to the camera and the tangent replaces the sine).
 double HeightPerPixel(const FrameSetup& frame, double line_depth_m);
 
-// The choice with its curve, alternatives and statement; frames and numbers of the scan are left to
-// the caller.
+// The choice with its curve, alternatives and statement. The caller fills in frames and numbers of
+// the scan.
 v1::OpticsChoice ChoiceToProto(const SettingChoice& choice, const Inspection& inspection,
                                const SettingGroup& group, double height_per_px);
 

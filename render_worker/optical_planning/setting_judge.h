@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Judges camera settings by the images that a group of frames would give.
+// Evaluates camera settings by simulated images of a group of frames.
 #pragma once
 
 #include <cstdint>
@@ -36,14 +36,14 @@ struct OpticalSetting {
 
 struct JudgedSetting {
   OpticalSetting setting;
-  std::vector<LineSums> frames;  // by frame, mean of its realisations, unweighted
+  std::vector<LineSums> frames;  // by frame, averaged over its realisations, unweighted
   QualityEstimate quality;
-  double time_cost_px = 0;  // of scanning, besides quality.mean().cost
+  double time_cost_px = 0;  // cost of scanning time, in addition to quality.mean().cost
 
   double cost() const { return quality.mean().cost + time_cost_px; }
 };
 
-// A frame that stands for a share of a scan's line.
+// A frame that represents a share of a scan's line.
 struct WeightedFrame {
   std::shared_ptr<const FrameLight> light;
   double weight = 1;
@@ -51,36 +51,36 @@ struct WeightedFrame {
 
 class SettingJudge {
  public:
-  // `inspection` and `effects` must outlive it. The frames have light traced with the inspection.
-  // The progress of `limits` is that of ReportTo.
+  // `inspection` and `effects` must outlive this object. The light of the frames must be traced
+  // with the inspection. ReportTo sets the progress callback of `limits`.
   SettingJudge(const Inspection& inspection, std::span<const ActiveEffect> effects,
                std::vector<WeightedFrame> frames, uint64_t seed, RenderLimits limits);
   ~SettingJudge();
 
-  // How much of a call of LookThrough, Judge or JudgePairs is done, in [0, 1], is passed to
-  // `report` while it works, by one thread at a time; may be empty.
+  // While LookThrough, Judge or JudgePairs works, `report` gets the fraction done in [0, 1], from
+  // one thread at a time; may be empty.
   void ReportTo(std::function<void(double)> report) { limits_.progress = std::move(report); }
 
-  // Forms the images of all frames and realisations through a lens setting; those of the one before
-  // are dropped. Errors of ImageThroughLens.
+  // Applies the lens setting: images all frames and realisations through it. The images of the
+  // previous setting are dropped. Errors of ImageThroughLens.
   absl::Status LookThrough(const LensSetting& lens);
 
-  // Judges exposures through that lens, at a laser power. In the order of the times. CANCELLED.
+  // Evaluates exposure times, in their order, with that lens setting at a laser power. CANCELLED.
   absl::StatusOr<std::vector<JudgedSetting>> Judge(std::span<const double> exposure_times_s,
                                                    double laser_power_w);
 
-  // The same with two exposures of every frame, (long, short); a short one of 0 is none.
+  // The same with two exposures per frame, (long, short); a short one of 0 means none.
   absl::StatusOr<std::vector<JudgedSetting>> JudgePairs(
       std::span<const std::pair<double, double>> long_and_short_s, double laser_power_w);
 
-  // Detections with one setting in all blocks of all frames that have a crossing, through the lens
-  // of the last LookThrough, which must be the setting's. CANCELLED.
+  // Detections with one setting in all blocks of all frames that have a crossing. The lens setting
+  // must be that of the last LookThrough. CANCELLED.
   absl::StatusOr<std::vector<DetectedBlock>> DetectedBlocks(const OpticalSetting& setting);
 
-  // The frame's setup at a setting, realisation `r`; the plate's distance is that of its line.
+  // The frame's setup for a setting and a realisation; the plate's distance is that of its line.
   FrameSetup Setup(size_t frame, const OpticalSetting& setting, int realisation) const;
   const std::vector<WeightedFrame>& frames() const { return frames_; }
-  // The light of the first realisation of a frame through the lens of the last LookThrough.
+  // Light of the first realisation of a frame with the lens setting of the last LookThrough.
   const PixelIrradiance& light(size_t frame) const;
   // Images evaluated so far.
   int64_t judged_images() const { return judged_images_; }
@@ -88,7 +88,7 @@ class SettingJudge {
  private:
   struct Images;  // of one frame: one per realisation
 
-  // `exposure`: 0 or, of the second of a frame, 1: other photons.
+  // `exposure`: 0, or 1 for the second exposure of a frame, which has other photons.
   absl::StatusOr<DetectedLine> Detect(size_t frame, const OpticalSetting& setting, int realisation,
                                       int exposure) const;
   // Sums of every pair of exposures: [pair][frame][realisation][block].
@@ -98,7 +98,7 @@ class SettingJudge {
   JudgedSetting Summarise(const OpticalSetting& setting,
                           const std::vector<std::vector<std::vector<LineSums>>>& by_frame) const;
   double ReachPx() const;
-  // Through the lens of the last LookThrough: fewer where the pupil is wide.
+  // Number of realisations for the lens setting of the last LookThrough: fewer for a wide pupil.
   int Realisations() const;
 
   const Inspection& inspection_;
