@@ -9,8 +9,8 @@
 
 namespace sightline {
 
-// Part of the sensor that is read out; the first pixel is relative to the principal point, which is
-// the centre of pixel (rows/2, columns/2) of the sensor.
+// Region of the sensor that is read out. The position of its first pixel is relative to the
+// principal point, the centre of pixel (rows/2, columns/2) of the sensor.
 struct RegionOfInterest {
   int column_px = 0;
   int row_px = 0;
@@ -38,15 +38,15 @@ struct PlateGeometry {
   double line_offset_m = 0;  // position of the line on the plate, across it
 };
 
-// Seeds of random values that differ between frames, and of those that do not.
+// Seeds of random values: those that differ between frames, and those that do not.
 struct FrameSeeds {
   uint64_t speckle = 0;  // the same for the same surface position
   uint64_t noise = 0;    // photons and temporal noise of this frame
   uint64_t camera = 0;   // fixed pattern of this camera
-  uint64_t rig = 0;      // anything an effect draws once a set (ripple phase, dust, texture)
+  uint64_t rig = 0;      // values that an effect draws once per set (ripple phase, dust, texture)
 };
 
-// One frame. For parts `plate` and `surface` are not read.
+// One frame. For parts, `plate` and `surface` are ignored.
 struct FrameSetup {
   Sensor sensor;
   Lens lens;  // focus_distance_m is set
@@ -56,15 +56,15 @@ struct FrameSetup {
   RegionOfInterest roi;
   FrameSeeds seeds;
   bool laser_on = true;
-  bool shutter_open = true;  // false: a dark frame, no light whatever
+  bool shutter_open = true;  // false: a dark frame without any light
   double exposure_time_s = 0.01;
   double timestamp_s = 0;  // since the laser was switched on
   int burst_frame_index = 0;
-  // Rolling shutter: start of a row's exposure after that of the row above; 0: all at once.
+  // Rolling shutter: delay of a row's exposure after that of the row above; 0: global shutter.
   double row_time_s = 0;
   int recording_index = 0;  // in order of time
   double sensor_temperature_c = 25;
-  // Independent speckle patterns, their shares of the irradiance; the sum is 1.
+  // Shares of the irradiance of independent speckle patterns; their sum is 1.
   std::vector<double> speckle_pattern_weights = {1};
   bool speckle = true;  // false: laser light is imaged incoherently
   int sub_pixels = 0;   // per pixel and axis; 0: as many as the pupil needs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Image by geometric optics on the sensor: the end of light transport, the start of wave optics.
+// Image by geometric optics on the sensor: the output of light transport and input of wave optics.
 #pragma once
 
 #include <array>
@@ -10,8 +10,8 @@
 
 namespace sightline {
 
-// Samples per pixel and axis, and how far the grid reaches beyond the region of interest on every
-// side. Sample (i, j) of the grid has its centre at
+// Samples per pixel and axis, and the margin of the grid beyond the region of interest on every
+// side. The centre of sample (i, j) is
 //   u = (roi.column_px - margin_px + (j + 1/2) / sub_pixels - 1/2) p, v likewise.
 struct SubPixelGrid {
   RegionOfInterest roi;
@@ -29,19 +29,19 @@ struct SubPixelGrid {
   }
 };
 
-// Irradiance of the sensor plane by a perfect, infinitely fine lens at the sub-pixels: with
-// aperture, transmission and cos^4, before diffraction, defocus and speckle.
+// Irradiance of the sensor plane at the sub-pixels by an aberration-free lens: with aperture,
+// transmission and cos^4, before diffraction, defocus and speckle.
 struct IdealImage {
   SubPixelGrid grid;
   Image<float> laser_irradiance_w_m2;
   // Object distance of every sub-pixel along the optical axis [m]; empty: constant_depth_m
-  // everywhere. Defocus of the laser light follows from it.
+  // everywhere. It determines the defocus of the laser light.
   Image<float> depth_m;
   double constant_depth_m = 0;
 
-  // Other light at its own, coarser grid (same rule, own sub_pixels and margin); defocus is in it.
+  // Other light on its own, coarser grid (same rule, own sub_pixels and margin), defocus included.
   SubPixelGrid incoherent_grid;
-  // Photo-electrons per area and time [1/(m^2 s)] each colour channel would release.
+  // Photo-electrons per area and time [1/(m^2 s)] that each colour channel would release.
   std::array<Image<float>, 3> incoherent_electron_flux_m2_s;
   Image<float> incoherent_irradiance_w_m2;
   // Effective wavelength of each channel's light, for its optical transfer function.

@@ -15,7 +15,7 @@ namespace sightline {
 struct FormedImage {
   Image<uint16_t> raw_dn;
   PixelIrradiance light;
-  Image<double> mean_photo_electrons;  // after the effects; the next frame of the burst needs it
+  Image<double> mean_photo_electrons;  // after the effects, for the next frame of the burst
 };
 
 // The frame as the effects of the setup stage leave it.
@@ -25,21 +25,21 @@ FrameSetup ApplyFrameEffects(FrameSetup frame, std::span<const ActiveEffect> eff
 // result of ApplyFrameEffects.
 OpticsModel MakeOpticsModel(const FrameSetup& frame, std::span<const ActiveEffect> effects);
 
-// Grid for the laser light: sub-pixels the pupil needs (or frame.sub_pixels, if more), margin
-// beyond which the point spread at `largest_curvature_per_m` holds less than `lost_energy`. The
-// margin is where scattered light may come from; ApplyOptics needs none to keep its transforms from
-// wrapping.
+// Grid for the laser light. It has the sub-pixels that the pupil needs (or frame.sub_pixels, if
+// more) and a margin beyond which the point spread at `largest_curvature_per_m` holds less than
+// `lost_energy`. The margin is the range of scattered light; ApplyOptics needs none to prevent
+// wrap-around.
 SubPixelGrid MakeSubPixelGrid(const FrameSetup& frame, const OpticsModel& optics,
                               double largest_curvature_per_m, double lost_energy = 1e-3);
 
-// Optics: from the ideal image to the pixels. `image` is as the effects on ideal images left it;
-// `speckle` as drawn. INVALID_ARGUMENT if the grid is too coarse for the pupil.
+// Optics: from the ideal image to the pixels. `image`: after the effects on ideal images;
+// `speckle`: as realised. INVALID_ARGUMENT if the grid is too coarse for the pupil.
 absl::StatusOr<PixelIrradiance> FormLight(const IdealImage& image, const FrameSetup& frame,
                                           std::span<const ActiveEffect> effects,
                                           const SpeckleModel& speckle, int threads);
 
-// Sensor: from light to numbers. `previous_mean_electrons`: of the frame read out before in the
-// same burst, or nullptr.
+// Sensor: from light to raw values. `previous_mean_electrons`: of the preceding frame in the same
+// burst, or nullptr.
 struct ReadOutImage {
   Image<uint16_t> raw_dn;
   Image<double> mean_photo_electrons;  // after the effects
@@ -48,14 +48,14 @@ ReadOutImage ReadOut(const PixelIrradiance& light, const FrameSetup& frame,
                      std::span<const ActiveEffect> effects,
                      const Image<double>* previous_mean_electrons);
 
-// All of it, effects on the ideal image included. Errors of FormLight.
+// The whole chain, effects on the ideal image included. Errors of FormLight.
 absl::StatusOr<FormedImage> FormImage(IdealImage image, const FrameSetup& frame,
                                       std::span<const ActiveEffect> effects,
                                       const SpeckleModel& speckle,
                                       const Image<double>* previous_mean_electrons, int threads);
 
-// A plate, from scene to raw numbers. `make_scene`: the plate of a frame as ApplyFrameEffects
-// leaves it, before the effects on plates.
+// Renders a plate, from scene to raw values. `make_scene`: returns the plate of a frame after
+// ApplyFrameEffects and before the effects on plates.
 absl::StatusOr<FormedImage> RenderPlateFrame(
     const FrameSetup& nominal, std::span<const ActiveEffect> effects,
     const Image<double>* previous_mean_electrons, int threads,

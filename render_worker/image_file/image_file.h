@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Images as files, by OpenImageIO; core/image/read_raw_image.h reads raw ones back. Every file is
-// written under another name and then renamed: no half-written file is ever seen. The same image
-// and text give the same bytes.
+// Writes image files with OpenImageIO; core/image/read_raw_image.h reads raw ones. Every file is
+// written under another name and then renamed, so that no incomplete file is visible. The same
+// image and text give the same bytes.
 #pragma once
 
 #include <array>
@@ -21,9 +21,9 @@ enum class ImageFormat { kPng, kTiff };
 // ".png" or ".tif".
 const char* FileExtension(ImageFormat format);
 
-// Raw numbers as read out, 16-bit greyscale, no scaling. `description` (what made the image, as
-// JSON) becomes the TIFF's ImageDescription or the PNG's text "Description". RESOURCE_EXHAUSTED or
-// INTERNAL names the file and why it cannot be written.
+// Writes raw values unscaled as 16-bit greyscale. `description` (JSON about the image's origin)
+// becomes the TIFF's ImageDescription or the PNG's text "Description". RESOURCE_EXHAUSTED or
+// INTERNAL names the file and the reason why it cannot be written.
 absl::Status WriteRawImage(const std::string& path, const Image<uint16_t>& raw_dn,
                            const std::string& description, ImageFormat format);
 

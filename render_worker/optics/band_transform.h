@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Two-dimensional Fourier transform of signals that fill only some rows and of spectra that fill
-// only the band that the pupil passes. Empty rows and columns outside the band cost nothing.
+// Two-dimensional Fourier transform of signals with empty rows and of spectra limited to the
+// pupil's band. Empty rows, and columns outside the band, take no time.
 #pragma once
 
 #include <complex>
@@ -49,7 +49,7 @@ class BandTransform {
   // Sum of x exp(-2 pi i (k j / columns + l i / rows)) over the given rows (ascending; all others
   // are zero).
   BandSpectrum Forward(std::span<const int> filled_rows, const FillRow& fill) const;
-  // Sum over the band of X exp(+2 pi i ...): not normalised. All rows.
+  // Sum of X exp(+2 pi i ...) over the band, not normalised, for all rows.
   void Backward(const BandSpectrum& spectrum, const TakeRow& take) const;
 
  private:

@@ -10,8 +10,8 @@
 
 namespace sightline {
 
-// Fraction of the light that the pupil passes towards a place of the sensor: its light over that of
-// the clear circle of the ideal irradiance. Bilinear between nodes, as pupils change slowly.
+// Fraction of the light that the pupil passes towards a position on the sensor, relative to the
+// clear circle of the ideal irradiance. Bilinear between nodes, since pupils change slowly.
 class ClearFractionMap {
  public:
   ClearFractionMap(const OpticsModel& optics, const SubPixelGrid& grid, int threads);
@@ -19,8 +19,8 @@ class ClearFractionMap {
   float At(int row, int column) const;
 
  private:
-  int step_ = 0;     // samples between nodes; 0: the same everywhere
-  float value_ = 1;  // then
+  int step_ = 0;     // samples between nodes; 0: constant
+  float value_ = 1;  // value if constant
   Image<float> nodes_;
 };
 

@@ -5,13 +5,13 @@
 
 namespace sightline {
 
-// a b without the checks for infinities that the standard operator makes.
+// a b without the standard operator's checks for infinities.
 inline std::complex<float> Product(std::complex<float> a, std::complex<float> b) {
   return {a.real() * b.real() - a.imag() * b.imag(), a.real() * b.imag() + a.imag() * b.real()};
 }
 
-// exp(2 pi i turns) to 1e-6; |turns| < 1e9. Minimax polynomials of half the angle, so that loops
-// become vector instructions, as calls of the standard functions do not.
+// exp(2 pi i turns) to 1e-6; |turns| < 1e9. Minimax polynomials of half the angle allow vectorised
+// loops, unlike calls of the standard functions.
 inline std::complex<float> PhasorOfTurns(double turns) {
   constexpr double kWhole = 6755399441055744.0;  // 1.5 * 2^52: adding it rounds to whole numbers
   const double whole = (turns + kWhole) - kWhole;

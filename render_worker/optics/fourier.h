@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One-dimensional Fourier transforms in single precision. The only place that knows FFTW.
+// One-dimensional Fourier transforms in single precision. Only this module uses FFTW.
 #pragma once
 
 #include <complex>
@@ -10,8 +10,8 @@ struct fftwf_plan_s;
 
 namespace sightline {
 
-// Zero-filled memory aligned for the transforms. Rows of FourierStride(length) values in one buffer
-// are aligned alike, so a plan does the same arithmetic on each.
+// Zero-filled memory, aligned for the transforms. Rows of FourierStride(length) values in one
+// buffer have the same alignment, so a plan performs the same arithmetic on each.
 template <typename T>
 class FourierBuffer {
  public:
@@ -34,13 +34,13 @@ class FourierBuffer {
 // Least multiple of 16 that holds `length` values.
 inline size_t FourierStride(int length) { return (static_cast<size_t>(length) + 15) / 16 * 16; }
 
-// Least m * factor >= at_least where m has no prime factor above 7: transforms of that length are
+// Least m * factor >= at_least with prime factors of m up to 7, for which transforms are
 // fast.
 int FastLength(int at_least, int factor);
 
 // Complex transform of one length, not normalised: forward sums x_j exp(-2 pi i j k / n). Copies
-// share the plan; plans live as long as the process and are made one at a time by FFTW's heuristic,
-// so the bytes of a result do not depend on time measurements or threads.
+// share the plan. Plans live as long as the process and are made one at a time by FFTW's heuristic,
+// so results do not depend on time measurements or threads.
 class FourierPlan {
  public:
   enum class Direction { kForward, kBackward };

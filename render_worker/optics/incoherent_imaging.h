@@ -6,9 +6,9 @@
 
 namespace sightline {
 
-// One channel of ApplyOptics: optical transfer function of the pupil on the region's centre at the
-// channel's wavelength, transfer functions, vignetting, mean over every pixel's samples (which are
-// means over their sub-pixels already).
+// One channel of ApplyOptics: optical transfer function of the pupil at the region's centre and the
+// channel's wavelength, transfer functions, vignetting, mean of every pixel's samples (which are
+// already means over their sub-pixels).
 Image<float> ImageIncoherent(const Image<float>& light, const SubPixelGrid& grid,
                              double wavelength_m, const OpticsModel& optics, int threads);
 

@@ -12,7 +12,7 @@ namespace sightline {
 Image<float> ImageLaser(const IdealImage& image, const OpticsModel& optics,
                         const SpeckleModel& speckle, int threads);
 
-// A transform ImageLaser makes: its first pixel, counted from the grid's first, and its period.
+// A transform made by ImageLaser: its first pixel, relative to the grid's first, and its period.
 struct LaserTransform {
   int column_px = 0;
   int row_px = 0;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Work on many independent rows by a few threads.
+// Parallel work on many independent rows.
 #pragma once
 
 #include <algorithm>
@@ -9,8 +9,8 @@
 
 namespace sightline {
 
-// Calls work(begin, end) on disjoint ranges that cover [0, count), one per thread. Results must go
-// to each index's own place, so they do not depend on the number of threads.
+// Calls work(begin, end) on disjoint ranges that cover [0, count), one per thread. Each index must
+// write its own result, so that results do not depend on the number of threads.
 template <typename Work>
 void ForIndexRanges(int threads, int count, const Work& work) {
   const int parts = std::clamp(threads, 1, std::max(count, 1));

@@ -9,16 +9,16 @@
 
 namespace sightline {
 
-// Mean over every pixel of a periodic signal of `pixels` pixels, `sub_pixels` samples each, whose
-// band ends below the samples' Nyquist frequency: its spectrum times sinc(q p), at the pixels'
-// centres. Sample 0 is the first of pixel 0, so centres lie (sub_pixels - 1)/2 samples after it.
+// Mean over every pixel of a periodic signal of `pixels` pixels with `sub_pixels` samples each and
+// a band below the samples' Nyquist frequency: its spectrum times sinc(q p), at the pixels'
+// centres. Sample 0 is the first of pixel 0, so centres are (sub_pixels - 1)/2 samples after it.
 class PixelIntegration {
  public:
   PixelIntegration(int pixels, int sub_pixels);
 
   int samples() const { return samples_; }
   int pixels() const { return pixels_; }
-  // Arrays a thread needs for itself.
+  // Work arrays of one thread.
   struct Work {
     explicit Work(const PixelIntegration& integration);
     FourierBuffer<float> samples;

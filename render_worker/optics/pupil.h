@@ -23,7 +23,7 @@ struct SeidelTerm {
   auto operator<=>(const SeidelTerm&) const = default;
 };
 
-// A disc that light must also pass (the rims of other lenses).
+// A disc that also limits the light (the rims of other lenses).
 struct PupilClip {
   double centre_u_m = 0;
   double centre_v_m = 0;
@@ -47,7 +47,7 @@ struct Pupil {
   double WavefrontError(double x_m, double y_m) const;
   // Radius outside which nothing passes [m].
   double OuterRadius() const;
-  // A full circle (clips that do not cut count as none).
+  // True for a full circle (clips that do not cut are ignored).
   bool IsFullCircle() const;
   bool HasWavefrontError() const { return !zernike_m.empty() || !seidel.empty(); }
 
@@ -57,16 +57,16 @@ struct Pupil {
 // Thin lens of the frame: D = f/N, blades, obstruction, Zernike terms.
 Pupil MakePupil(const Lens& lens);
 
-// Light passing the pupil over that passing the full circle of radius_m, in [0, 1]; by strips of
+// Light that passes the pupil relative to the full circle of radius_m, in [0, 1]; by strips of
 // exact width, error below 1e-5. Exactly 1 for the full circle.
 double ClearFraction(const Pupil& pupil);
 
-// Wavefront error of defocus, W = -1/2 (1/b' - 1/b) r^2 (thesis eq. 5.6); b' the image distance of
-// the object, b that of the sensor.
-// This is the curvature 1/b' - 1/b [1/m].
+// Wavefront error of defocus: W = -1/2 (1/b' - 1/b) r^2 (thesis eq. 5.6), with the
+// image distance b' of the object and b of the sensor. Returns the curvature 1/b' - 1/b
+// [1/m].
 double DefocusCurvature(double focal_length_m, double object_distance_m, double image_distance_m);
 
-// Highest frequency on the sensor the field can have, OuterRadius / (lambda b) [1/m].
+// Highest frequency of the field on the sensor, OuterRadius / (lambda b) [1/m].
 double CutOffFrequency(const Pupil& pupil, double wavelength_m, double image_distance_m);
 
 // Zernike polynomial of Noll's index (1: piston, 2: tilt x, 3: tilt y, 4: defocus, ...) at (rho,
@@ -74,18 +74,18 @@ double CutOffFrequency(const Pupil& pupil, double wavelength_m, double image_dis
 // 1976).
 double ZernikeNoll(int index, double rho, double phi_rad);
 
-// Amplitude transfer function H(q) = c P(lambda b q) exp(i 2 pi W / lambda) (thesis eq. 4.23-4.25)
-// on the frequencies of an FFT of columns x rows samples of sample_pitch_m, in FFT order, complex
-// conjugate-free; c such that the mean of |H|^2 over the grid is 1.
-// `defocus_curvature_per_m` is 1/b' - 1/b. Errors are the caller's: the cut-off must lie below the
+// Amplitude transfer function H(q) = c P(lambda b q) exp(i 2 pi W / lambda) (thesis eq.
+// 4.23-4.25) at the frequencies of an FFT of columns x rows samples of sample_pitch_m, in FFT
+// order, complex conjugate-free; c such that the mean of |H|^2 over the grid is 1.
+// `defocus_curvature_per_m` is 1/b' - 1/b. The caller must ensure that the cut-off is below the
 // grid's Nyquist frequency.
 Image<std::complex<float>> AmplitudeTransfer(const Pupil& pupil, double wavelength_m,
                                              double image_distance_m,
                                              double defocus_curvature_per_m, int columns, int rows,
                                              double sample_pitch_m);
 
-// Incoherent optical transfer function: normalised autocorrelation of the pupil, at frequency
-// (qx, qy) [1/m]; 1 at 0. No defocus: that is in the incoherent image already.
+// Incoherent optical transfer function: normalised autocorrelation of the pupil at frequency (qx,
+// qy) [1/m]; 1 at 0. It excludes defocus, which the incoherent image already contains.
 std::complex<double> OpticalTransfer(const Pupil& pupil, double wavelength_m,
                                      double image_distance_m, double qx_per_m, double qy_per_m);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The generalised pupil on the frequencies of a transform.
+// The generalised pupil at the frequencies of a transform.
 #pragma once
 
 #include "render_worker/optics/band_transform.h"
@@ -7,7 +7,7 @@
 
 namespace sightline {
 
-// Relation between frequencies of a transform and places in the pupil, r = lambda b q.
+// Relation between frequencies of a transform and positions in the pupil, r = lambda b q.
 struct TransferGrid {
   double wavelength_m = 0;
   double image_distance_m = 0;
@@ -17,7 +17,7 @@ struct TransferGrid {
 
   double FrequencyU(int k) const { return k / (columns * sample_pitch_m); }
   double FrequencyV(int l) const { return l / (rows * sample_pitch_m); }
-  // Half widths of the band that holds the pupil.
+  // Half widths of the band that contains the pupil.
   int HalfColumns(const Pupil& pupil) const;
   int HalfRows(const Pupil& pupil) const;
 };
