@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Diagnosis of recordings of a part: which light the nominal model lacks, where it shows, and how
-// sure that is (docs/diagnosis.md).
+// Diagnosis of recordings of a part: the light that the nominal model lacks, its location, and the
+// probability of each explanation (docs/diagnosis.md).
 //
 // The expected images are separated by light path (light_paths.h), reduced to means over blocks of
 // pixels (block/block_means.h), and fitted (fit/path_fit.h). The null model, the null model with
@@ -34,20 +34,20 @@ struct SceneDiagnosisSettings {
   const std::atomic<bool>* cancelled = nullptr;
 };
 
-// Gets the fraction done, in [0, 1], and the step that comes next.
+// Gets the fraction done, in [0, 1], and the next step.
 using SceneDiagnosisProgress = std::function<void(double fraction, std::string_view what)>;
 
-// `progress` may be empty. Verdicts: "effect", with light path, place in the images and surface;
+// `progress` may be empty. Verdicts: "effect", with light path, region in the images and surface;
 // "none"; "interrupted". Light of unknown origin is the effect "unknown". `calibrated`: the
 // description with the fitted factors. The same inputs give the same bytes for any number of
 // threads.
 //
-// If it is cancelled once a recording with laser light has been traced, the verdict is
-// "interrupted", the answer covers the recordings that were traced, and `calibrated` is unset;
-// earlier: CANCELLED.
-// INVALID_ARGUMENT: images that do not match the description (count, size, numbers above the
-// sensor's largest), max_effects out of range; FAILED_PRECONDITION: no recording with the laser on;
-// errors of RenderPartFrame.
+// If cancelled after a recording with laser light has been traced, the verdict is
+// "interrupted", the answer covers the traced recordings, and `calibrated` is unset; if
+// cancelled earlier, CANCELLED. INVALID_ARGUMENT: images that do not match the
+// description (count, size, values above the sensor's largest), max_effects out of
+// range; FAILED_PRECONDITION: no recording with the laser on; errors of
+// RenderPartFrame.
 absl::StatusOr<v1::Diagnosis> DiagnoseScene(const RecordedScene& scene,
                                             const SceneDiagnosisSettings& settings,
                                             const SceneDiagnosisProgress& progress);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The expected images of a part, separated by the path that the light took.
+// Expected images of a part, separated by light path.
 //
 // A recording is modelled as a sum over light paths k, y = sum_k f_k y_k, with y_k the mean
 // photo-electrons of every pixel [electrons] and f_k a factor that is fitted (fit/path_fit.h).
@@ -17,7 +17,7 @@
 
 namespace sightline {
 
-// Light that the null model contains, or that it may lack.
+// Light that the null model contains, or may lack.
 struct LightPath {
   // Id of the effect, from the vocabulary or from light/path_names.h; paths of the null model have
   // the name of their factor.
@@ -32,11 +32,11 @@ struct LightPath {
   bool may_be_negative = false;  // the prior is not truncated
   // Mean photo-electrons of every recording at factor 1 [electrons].
   std::vector<Image<double>> electrons = {};
-  // The part of `electrons` that diffraction brought from more than two pixels away; empty: none.
-  // Its speckle forms streaks that point to where the light came from.
+  // The part of `electrons` diffracted from more than two pixels away; empty: none. Its speckle
+  // forms streaks that point towards its origin.
   std::vector<Image<double>> diffracted_electrons = {};
-  // A shape parameter that is not fitted but tried at several values, e.g. the radius of a halo.
-  // Empty name: none. The bounds are the geometric means with the next values that are tried.
+  // A shape parameter that is tried at several values instead of fitted, e.g. the radius of a halo.
+  // Empty name: none. The bounds are the geometric means with the neighbouring values.
   std::string shape_name = {};
   double shape = 0, shape_lower = 0, shape_upper = 0;
 };
@@ -50,7 +50,7 @@ struct SeenSurface {
   Image<float> depth_m;   // along the optical axis; 0: nothing hit
 };
 
-// Light of the recordings that were traced, which are the first ones of the set.
+// Light of the traced recordings, which are the first ones of the set.
 struct SceneLight {
   std::vector<LightPath> paths;  // those of the null model first
   std::vector<SeenSurface> surfaces;
@@ -67,14 +67,14 @@ struct LightPathSettings {
 
 // Renders every light path of every recording.
 //
-// Null model: direct laser light (with interreflection if the inspection's render settings have
+// Null model: direct laser light (with interreflection if the inspection's render settings include
 // it), lamps as described, dark charge. Paths that the null model may lack, unless its settings
-// have them: laser light after one and more reflections between surfaces, the same for lamps,
-// uniform light from all around, stray light of the projector beside the line (two widths), veiling
-// glare (three radii), an offset of the sensor.
+// include them: laser light after one or more reflections between surfaces, the same for lamps,
+// uniform light from all directions, stray light of the projector beside the line (two widths),
+// veiling glare (three radii), an offset of the sensor.
 //
-// If it is cancelled after a recording with laser light, the answer holds the recordings that were
-// traced completely; earlier: CANCELLED. Other errors are those of RenderPartFrame.
+// If cancelled after a recording with laser light, the answer contains the completely traced
+// recordings; if cancelled earlier, CANCELLED. Other errors are those of RenderPartFrame.
 absl::StatusOr<SceneLight> TraceLightPaths(const RecordedScene& scene,
                                            const LightPathSettings& settings);
 

@@ -16,9 +16,9 @@ namespace sightline {
 
 // The inputs of a render job of the same part, and the images.
 struct RecordedScene {
-  // Nominal description: rig, part, materials, lights. The null model contains the light that its
-  // render settings have: render.laser_interreflection, render.max_bounces. Exposure time and
-  // f-number are those of each recording.
+  // Nominal description: rig, part, materials, lights. The null model contains the light of its
+  // render settings render.laser_interreflection and render.max_bounces. Exposure time and f-number
+  // are those of each recording.
   Inspection inspection;
   TriangleMesh part;
   std::vector<TriangleMesh> obstacles;  // in the order of inspection.obstacles

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A departure from the linear camera model of EMVA 1288 that was tested for in a sensor set, and
-// p-values of the tests.
+// A tested departure of a sensor set from the linear camera model of EMVA 1288, and p-values of the
+// tests.
 #pragma once
 
 #include <string>
@@ -17,11 +17,11 @@ struct Departure {
   std::string effect;            // its name (departure_names.h)
   std::string stage;             // "illumination", "sensor", "readout", "time"
   std::string description = {};  // with the size, for people
-  // False: the set cannot show it, and `description` says what to record.
+  // False: the set cannot show it, and `description` states what to record.
   bool testable = true;
   // Probability of a test statistic at least as large without the departure; of this test alone.
   double p_value = 1;
-  // Whether it is large enough to matter for measurements; each test states its threshold.
+  // True if it is large enough to matter for measurements; each test states its threshold.
   bool material = false;
   std::vector<DepartureParameter> parameters = {};
 };

@@ -15,7 +15,7 @@ struct VocabularyNames {
 };
 const VocabularyNames& NamesInVocabulary();
 
-// The names below are of departures that are no effects of the vocabulary.
+// The names below belong to departures that are not effects of the vocabulary.
 
 // Photon transfer. The cubic response has the name of the quadratic one with this suffix.
 inline constexpr std::string_view kCubicSuffix = "_cubic";

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Diagnosis of a camera from flat-field and dark frames: its values by maximum likelihood and by
-// the definitions of EMVA 1288, and the physics that the linear model of EMVA 1288 lacks
+// the definitions of EMVA 1288, and departures from the linear model of EMVA 1288
 // (docs/diagnosis.md).
 #pragma once
 
@@ -10,9 +10,9 @@
 
 namespace sightline {
 
-// `set` is valid (CheckSensorSet). Images are read one after the other, so memory is that of a few.
-// INVALID_ARGUMENT names the image: another size than the set says, numbers above 2^bits - 1;
-// errors of `hooks.read_image`; CANCELLED.
+// `set` must be valid (CheckSensorSet). Images are read one after the other, so only a few are in
+// memory. INVALID_ARGUMENT names an image whose size differs from the set's or with values above
+// 2^bits - 1; errors of `hooks.read_image`; CANCELLED.
 absl::StatusOr<v1::SensorDiagnosis> DiagnoseSensor(const v1::SensorSet& set,
                                                    const SensorDiagnosisHooks& hooks);
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Statistics of the frames of one step of a sensor set (uniform light or dark): means, temporal
-// noise and its correlations, and the averaged frame. Frames are added one by one, so memory does
-// not grow with their number.
+// noise with its correlations, and the averaged frame. Frames are added one by one, so memory is
+// independent of their number.
 #pragma once
 
 #include <cstdint>
@@ -14,8 +14,8 @@
 
 namespace sightline {
 
-// Temporal noise between frames of the same conditions. It is computed from differences of frames,
-// less their mean, so that neither the fixed pattern nor a change of the light as a whole enters.
+// Temporal noise between frames of the same conditions. It is computed from differences of frames
+// minus their mean, so that it contains neither the fixed pattern nor changes of the overall light.
 // Standard errors come from the differences between parts of the image.
 struct TemporalNoise {
   // Half the variance of the difference of frames one, two and three apart [DN^2]. It is the
@@ -25,8 +25,8 @@ struct TemporalNoise {
   // Covariance of a pixel's noise with that of its neighbour in the same row, and in the same
   // column [DN^2].
   Estimate covariance_in_row_dn2, covariance_in_column_dn2;
-  // Variance of the noise that all pixels of a row, or of a column, have in common in one frame
-  // [DN^2]; may be below zero by chance.
+  // Variance of the noise common to all pixels of a row, or of a column, in one frame [DN^2]; may
+  // be negative by chance.
   Estimate row_variance_dn2, column_variance_dn2;
 };
 
@@ -40,14 +40,14 @@ struct FlatFieldStatistics {
   double share_at_zero = 0, share_at_largest = 0;  // of all pixels of all frames
   int largest_seen_dn = 0;                         // largest number of all pixels of all frames
   double share_at_largest_seen = 0;                // of all pixels of all frames
-  Image<double> mean_dn;                           // averaged frame; only if it is kept
+  Image<double> mean_dn;                           // averaged frame; only with `keep_mean`
   int frames() const { return static_cast<int>(frame_mean_dn.size()); }
   double MeanDn() const;
 };
 
 class FlatFieldAccumulator {
  public:
-  // `largest_dn`: the largest raw number, 2^bits - 1. `keep_mean`: the averaged frame is wanted.
+  // `largest_dn`: the largest raw value, 2^bits - 1. `keep_mean`: compute the averaged frame.
   FlatFieldAccumulator(double largest_dn, bool keep_mean);
 
   // Frames have one size, at least 8 x 8.

@@ -17,7 +17,7 @@
 
 namespace sightline {
 
-// Averages of fewer frames leave more temporal noise than pattern. Chosen.
+// Averages of fewer frames contain more temporal noise than pattern. Chosen.
 inline constexpr int kFewestFramesOfPattern = 8;
 
 // Share of reading in the reported progress; the rest are fits and tests. Chosen.
@@ -36,21 +36,21 @@ struct SensorSetStatistics {
   std::vector<int64_t> counts = std::vector<int64_t>(65536, 0);
 };
 
-// `set` is valid (CheckSensorSet). Reports progress up to kReadingShare. INVALID_ARGUMENT names the
-// image: another size than the set says, numbers above 2^bits - 1; errors of `read_image`;
-// CANCELLED.
+// `set` must be valid (CheckSensorSet). Reports progress up to kReadingShare. INVALID_ARGUMENT
+// names an image whose size differs from the set's or with values above 2^bits - 1; errors of
+// `read_image`; CANCELLED.
 absl::StatusOr<SensorSetStatistics> ReadSensorFrames(const v1::SensorSet& set,
                                                      const SensorDiagnosisHooks& hooks);
 
-// Steps of a set with and without light. Refers to the statistics it was made of.
+// Steps of a set with and without light. Holds references to its source statistics.
 struct FlatFieldSteps {
   explicit FlatFieldSteps(std::span<const FlatFieldStatistics> steps);
 
-  // The dark step of the nearest exposure time; nullptr: there is none.
+  // The dark step with the nearest exposure time; nullptr if there is none.
   const FlatFieldStatistics* NearestDark(double exposure_time_s) const;
-  // Its mean; 0 if there is none.
+  // Mean of that step; 0 if there is none.
   double DarkMeanDn(double exposure_time_s) const;
-  // Mean less dark mean of a step with light; 0 of a dark one.
+  // Mean minus dark mean of a step with light; 0 for a dark step.
   double SignalDn(const FlatFieldStatistics& step) const;
 
   std::span<const FlatFieldStatistics> all;

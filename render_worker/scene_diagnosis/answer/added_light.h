@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The light that a hypothesis adds to the null model.
+// The light of a hypothesis that the null model lacks.
 #pragma once
 
 #include "render_worker/scene_diagnosis/answer/excess_region.h"
@@ -17,7 +17,7 @@ struct AddedLight {
   ExcessRegion region;  // most significant region; none for the null model
 };
 
-// `null_fit`: the null model alone, from whose residuals the light stands out.
+// `null_fit`: fit of the null model alone, whose residuals show the light.
 AddedLight FindAddedLight(const RecordedScene& scene, const SceneLight& light,
                           const BlockMeans& blocks, const PathHypothesis& hypothesis,
                           const PathFit& null_fit);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The description of the set with fitted values, and the effects to add to it.
+// The set's description with fitted values, and effects to be added to it.
 #pragma once
 
 #include "render_worker/scene_diagnosis/fit/path_fit.h"
@@ -8,10 +8,10 @@
 
 namespace sightline {
 
-// Sets `calibrated`: laser power, dark charge and lamps multiplied or shifted by the factors of
-// `fit`. Adds to `calibrated_effects` the light paths that the null model lacks; parameters of
-// effects of the vocabulary are clamped to the bounds of the renderer. Adds to `inspection_changes`
-// how an inspection expresses them.
+// Sets `calibrated`: laser power, dark charge and lamps scaled or shifted by the factors of `fit`.
+// Adds to `calibrated_effects` the light paths that the null model lacks; parameters of effects of
+// the vocabulary are clamped to the bounds of the renderer. Adds to `inspection_changes` the
+// corresponding fields of an inspection.
 void AddCalibration(const RecordedScene& scene, const PathFit& fit, v1::Diagnosis* diagnosis);
 
 }  // namespace sightline

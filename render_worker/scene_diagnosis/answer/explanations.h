@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The ranking of hypotheses in the answer: effects with their fitted parameters, probabilities of
-// hypotheses and stages, and the strengths that the recordings could show.
+// The ranking of hypotheses in the answer: effects with fitted parameters, probabilities of
+// hypotheses and stages, and detectable strengths.
 #pragma once
 
 #include <vector>
@@ -12,18 +12,18 @@
 
 namespace sightline {
 
-// Most probable first; equally probable ones by score and prior, then in the order of the
+// Sorted by descending probability, then by score and prior, then in the order of the
 // comparison.
 std::vector<const PathHypothesis*> RankHypotheses(const std::vector<PathHypothesis>& hypotheses);
 
-// Adds `ranked`, `remainder` and the probabilities of the stages. `region`: where the first
-// hypothesis' light stands out.
+// Adds `ranked`, `remainder` and the probabilities of the stages. `region`: region in which the
+// light of the first hypothesis is significant.
 void AddExplanations(const RecordedScene& scene, const PathComparison& comparison,
                      const std::vector<const PathHypothesis*>& ranked, const ExcessRegion& region,
                      v1::Diagnosis* diagnosis);
 
-// Adds the smallest factor of each effect alone that these recordings show clearly: an expected
-// gain of 5 nats of log-likelihood, which is chi squared of 10.
+// Adds for each effect alone the smallest factor that these recordings show clearly: an expected
+// gain of 5 nats of log-likelihood, equal to a chi squared of 10.
 void AddDetectableStrengths(const std::vector<PathHypothesis>& hypotheses,
                             v1::Diagnosis* diagnosis);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The finding in one sentence, for people. DiagnoseScene adds a second one on what it leaves.
+// The finding in one sentence for people. DiagnoseScene adds a second one on the remainder.
 #pragma once
 
 #include <string>
@@ -15,7 +15,8 @@ namespace sightline {
 std::string SceneFinding(const RecordedScene& scene, const PathHypothesis& best,
                          const PathFit& null_fit, const AddedLight& added);
 
-// The state of a diagnosis that was stopped. `recordings`: traced ones, of `all_recordings`.
+// The state of an interrupted diagnosis. `recordings`: number of traced ones among
+// `all_recordings`.
 std::string InterruptedSceneFinding(const PathHypothesis& best, const PathComparison& comparison,
                                     int recordings, int all_recordings);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Fits of light paths as the answer has them: chi squared by recording, deviations from the
+// Converts fits of light paths to messages: chi squared by recording, deviations from the
 // description, and maps of standardised residuals.
 #pragma once
 

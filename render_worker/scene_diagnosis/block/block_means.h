@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Means of raw numbers over square blocks of pixels: the statistic that a model can predict without
-// knowing the realised speckle pattern. Recorded means are compared with their expectation and
-// variance for given factors of the light paths.
+// Means of raw values over square blocks of pixels: a statistic that a model can predict without
+// the realised speckle pattern. Recorded means are compared with their expectation and variance for
+// given factors of the light paths.
 #pragma once
 
 #include <Eigen/Core>
@@ -26,9 +26,9 @@ struct ExpectedBlocks {
 
 class BlockMeans {
  public:
-  // The first `recordings` of the scene. Blocks have `block_px` > 0 pixels on a side, tiles
+  // Uses the first `recordings` of the scene. Blocks have `block_px` > 0 pixels on a side, tiles
   // `tile_blocks` > 0 blocks. `registration_px`: standard uncertainty of the position of the
-  // model's image on the recorded one [px].
+  // model's image relative to the recorded one [px].
   BlockMeans(const RecordedScene& scene, int recordings, int block_px, int tile_blocks,
              double registration_px);
 
@@ -62,7 +62,7 @@ class BlockMeans {
   const Sensor sensor_;
   BlockGrid grid_;
   double registration_px_;
-  double full_electrons_ = 0;  // photo-electrons at which the pixel or the raw number is full
+  double full_electrons_ = 0;  // photo-electrons at saturation of the pixel or of the raw value
   int max_lag_px_ = 1;         // largest reach of the speckle of all recordings
   std::vector<RecordingOptics> optics_;
   Eigen::VectorXd observed_dn_;

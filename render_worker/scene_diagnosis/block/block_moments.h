@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sums over the pixels of one block, of which mean and variance of the block's mean consist.
+// Sums over the pixels of one block that determine mean and variance of the block's mean.
 #pragma once
 
 #include "core/image/image.h"
@@ -7,8 +7,8 @@
 
 namespace sightline {
 
-// Covariances of speckle are tabulated up to this distance of two pixels [px]. It covers the Airy
-// radius of apertures up to about f/45 on 5 um pixels; beyond it correlation is left out.
+// Largest distance of two pixels for tabulated covariances of speckle [px]. It covers the Airy
+// radius of apertures up to about f/45 on 5 um pixels; correlation beyond it is neglected.
 inline constexpr int kLargestLag_px = 6;
 
 // A block's first pixel and its side.
@@ -20,7 +20,7 @@ struct BlockSums {
   double light = 0;  // sum of means [electrons]
   // Variance of the sum by photon noise [electrons^2]: the part of light that is not clipped.
   double photon_variance = 0;
-  // Variance of the sum by speckle of light that did not come from afar [electrons^2].
+  // Variance of the sum by speckle of light that is not diffracted from afar [electrons^2].
   double speckle_variance = 0;
   double diffracted = 0;  // sum of light from afar [electrons]
 };
@@ -32,12 +32,12 @@ struct BlockSums {
 BlockSums SumOverBlock(const ExpectedPixels& pixels, const Image<double>& speckle_covariance,
                        int max_lag_px, const PixelBlock& block);
 
-// Squared contrast of the mean over a block of streaks that cross it along one side, so that pixels
-// differ in the other direction only.
+// Squared contrast of the mean over a block of streaks along one of its sides, so that pixels
+// differ only in the other direction.
 double StreakContrastSquared(const Image<double>& speckle_covariance, int block_px);
 
-// Change of the sum of a block if the image moves by one pixel down and by one to the right: the
-// light that its edges take in less what they lose; root sum of squares [electrons / px].
+// Change of the sum of a block when the image moves by one pixel down or right: light gained minus
+// light lost at its edges; root of the sum of squares [electrons / px].
 double ChangeWithMovement(const Image<double>& electrons, const PixelBlock& block);
 
 }  // namespace sightline

@@ -4,7 +4,7 @@
 //
 // The score of a hypothesis is log prior + log marginal likelihood on the tiles of the fit + log
 // predictive density on the held-out tiles (fit/path_fit.h), averaged over its shapes. Priors are
-// those of render_worker/evidence/model_prior.h; fit/judge_paths.h says which hypothesis leads.
+// those of render_worker/evidence/model_prior.h; fit/judge_paths.h selects the leading hypothesis.
 #pragma once
 
 #include <functional>
@@ -24,26 +24,26 @@ namespace sightline {
 struct PathComparison {
   // In this order: none, each effect alone, pairs, the smooth map.
   std::vector<PathHypothesis> hypotheses;
-  // False: stopped; `hypotheses` are those that were compared until then.
+  // False: interrupted; `hypotheses` contains those compared so far.
   bool finished = true;
   // The part that the leading hypothesis leaves; its `discrepancy` is an index of `hypotheses`.
   std::optional<Remainder> remainder;
-  // Light paths of the smooth map at each scale, to which fits refer.
+  // Light paths of the smooth map at each scale, referenced by fits.
   std::vector<std::vector<LightPath>> maps;
 };
 
 struct PathComparisonSettings {
   std::vector<std::string> excluded_effects;
   int max_effects = 2;  // of a hypothesis; 1 or 2
-  // Compares none and each effect alone only.
+  // Only compares none and each effect alone.
   bool singles_only = false;
 };
 
-// Gets the fraction done and the name of the hypothesis that comes next; false stops.
+// Gets the fraction done and the name of the next hypothesis; returns false to stop.
 using PathComparisonProgress = std::function<bool(double fraction, std::string_view what)>;
 
-// Answers have the null model at least, whenever `progress` stops. Fits run one after the other,
-// so the answer does not depend on the number of threads.
+// The answer contains at least the null model, even if `progress` stops at once. Fits run one after
+// the other, so the answer does not depend on the number of threads.
 PathComparison ComparePaths(const RecordedScene& scene, const SceneLight& light,
                             const BlockMeans& blocks, const PathComparisonSettings& settings,
                             const PathComparisonProgress& progress);

@@ -20,8 +20,8 @@ struct JudgedPaths {
 
 // `hypotheses`: the null model first, with fits, scores and priors. Only hypotheses that predict
 // held-out tiles have a probability. The smooth map leads only if it has more evidence than the
-// best known path, predicts better by 3 nats, and that path leaves more than 5 % of the excess.
-// There is no check with a p-value: the excess of held-out chi squared contains errors of light
+// best known path, predicts better by 3 nats, and that path leaves more than 5 % of the excess. A
+// p-value is not used, since the excess of held-out chi squared contains errors of light
 // transport.
 JudgedPaths JudgePaths(const std::vector<PathHypothesis>& hypotheses);
 

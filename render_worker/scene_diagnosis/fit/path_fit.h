@@ -36,8 +36,8 @@ struct PathFit {
   double HeldOutChiSquaredPerDegree() const { return held_out_chi_squared / held_out_count; }
 };
 
-// Factors of light that would come out negative are 0: such a path stays in the list, and the
-// marginal likelihood accounts for the part of its prior near 0.
+// Negative factors of light are set to 0. Such a path stays in the list, and the marginal
+// likelihood accounts for the part of its prior near 0.
 PathFit FitPaths(const BlockMeans& blocks, PathChoice paths);
 
 }  // namespace sightline

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Separates light that diffraction and blur brought from afar from light that falls near its
-// geometric image. Its speckle is elongated towards its source, so a block of pixels holds fewer
+// Separates light that diffraction and blur spread far from its geometric image from light near
+// that image. Its speckle is elongated towards its source, so a block of pixels contains fewer
 // independent grains of it (block/block_moments.h).
 #pragma once
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Renders a recording with a part of its light only, without speckle and noise.
+// Renders a recording with a subset of its light, without speckle and noise.
 #pragma once
 
 #include <optional>
@@ -17,9 +17,9 @@ struct LightVariant {
   bool lamps = false;
   bool interreflection = false;
   int max_bounces = 0;
-  // The laser's beam is a wide Gaussian one of this half width at its waist [m].
+  // Replaces the laser's beam by a wide Gaussian of this half width at its waist [m].
   std::optional<double> stray_width_m = {};
-  // Instead of the described lamps: uniform light from all around, of illuminant D65.
+  // Replaces the described lamps by uniform light from all directions, of illuminant D65.
   std::optional<double> surround_radiance_w_m2_sr = {};
   // Veiling glare of this radius, with kRenderedGlareFraction of the light in the halo [m].
   std::optional<double> halo_radius_m = {};
@@ -27,11 +27,11 @@ struct LightVariant {
 
 class PathRenderer {
  public:
-  // Reports `images` renderings as progress 1. Scene and settings must outlive it.
+  // Progress 1 is reached after `images` renderings. Scene and settings must outlive this object.
   PathRenderer(const RecordedScene& scene, const LightPathSettings& settings, int images);
 
-  // `recording`: index into the set's recordings. `layers`: radiance, depth and material are
-  // wanted. Errors: those of PartScene::Make and RenderPartFrame.
+  // `recording`: index into the set's recordings. `layers`: also return radiance, depth and
+  // material. Errors of PartScene::Make and RenderPartFrame.
   absl::StatusOr<RenderedPartFrame> Render(int recording, const LightVariant& variant, bool layers);
 
  private:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The values of the camera: fitted ones beside those by EMVA 1288, and the camera file.
+// Values of the camera: fitted ones, those by EMVA 1288, and the camera file.
 #pragma once
 
 #include <string>
@@ -12,7 +12,7 @@
 
 namespace sightline {
 
-// Everything that was measured of a camera.
+// All measurements of a camera.
 struct MeasuredCamera {
   const v1::SensorSet& set;
   const FlatFieldSteps& steps;
@@ -23,7 +23,7 @@ struct MeasuredCamera {
 };
 
 // Sets `quantities`, `camera` and `curves` (patterns of columns and rows), and adds warnings about
-// values of the camera file that are defaults.
+// default values in the camera file.
 void AddCameraValues(const MeasuredCamera& measured, v1::SensorDiagnosis* answer);
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Departures in the answer: corrected for the number of tests, those found first; verdict and
+// Departures in the answer, corrected for the number of tests, detected ones first; verdict and
 // finding.
 #pragma once
 
@@ -10,10 +10,10 @@
 
 namespace sightline {
 
-// A departure is found if it is testable and material and if its p-value times the number of tests
-// (Bonferroni) is below 0.001. Its probability comes from its own p-value, by the bound of
-// render_worker/evidence/significance.h and equal prior shares of 1 - kPriorOfNoEffect. The order
-// is otherwise that of `departures`: photon transfer, fixed patterns, frames, converter.
+// A departure counts as detected if it is testable and material and if its p-value times the number
+// of tests (Bonferroni) is below 0.001. Its probability follows from its own p-value by the bound
+// of render_worker/evidence/significance.h, with equal prior shares of 1 - kPriorOfNoEffect. The
+// order is otherwise that of `departures`: photon transfer, fixed patterns, frames, converter.
 void AddDepartures(const std::vector<Departure>& departures, v1::SensorDiagnosis* answer);
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Fits and points of the photon transfer as the answer has them.
+// Converts fits and points of the photon transfer to messages.
 #pragma once
 
 #include "render_worker/sensor_diagnosis/photon_transfer/standard_values.h"
@@ -10,7 +10,7 @@
 namespace sightline {
 
 // Sets `linear_fit`, `model_fit` and `photon_transfer`: the fitted steps with light in their order,
-// then the saturated ones. `analysis` has fits.
+// then the saturated ones. `analysis` must have fits.
 void AddTransferMessages(const TransferAnalysis& analysis, const FlatFieldSteps& steps,
                          const Saturation& saturation, v1::SensorDiagnosis* answer);
 

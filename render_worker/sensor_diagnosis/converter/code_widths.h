@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Differential nonlinearity of the converter with a period of two codes, from the histogram of raw
-// numbers.
+// values.
 #pragma once
 
 #include "core/recordings/raw_numbers.h"
@@ -8,9 +8,9 @@
 
 namespace sightline {
 
-// Width of odd codes less that of even ones, over a step. `largest`: 2^bits - 1. Not testable if
+// Width of odd codes minus that of even ones, over a step. `largest`: 2^bits - 1. Not testable if
 // fewer than six ranges of nine codes occur often enough, or if ranges contradict one another.
-// Material from 2 % of a step on.
+// Material above 2 % of a step.
 Departure OddEvenWidth(const Histogram& histogram, int largest);
 
 }  // namespace sightline

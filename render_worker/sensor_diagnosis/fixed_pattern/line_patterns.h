@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Patterns of whole columns and rows: values of their own, and periods.
+// Patterns of whole columns and rows: individual values, and periods.
 #pragma once
 
 #include <vector>
@@ -9,8 +9,8 @@
 
 namespace sightline {
 
-// For columns, then for rows: chi squared of the means of the lines; and the strongest period,
-// unless there are too few lines. Material from kMaterialPattern on.
+// Tests columns, then rows: chi squared of the means of the lines; and the strongest period, unless
+// there are too few lines. Material above kMaterialPattern.
 std::vector<Departure> LinePatterns(const FixedPattern& pattern);
 
 }  // namespace sightline

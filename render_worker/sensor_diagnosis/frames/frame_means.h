@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Changes of the mean of all pixels from frame to frame: light that flickers or drifts, a black
-// level that wanders.
+// Changes of the mean of all pixels from frame to frame: flicker or drift of the light, noise or
+// drift of the black level.
 #pragma once
 
 #include <span>
@@ -11,15 +11,15 @@
 
 namespace sightline {
 
-// Standard deviation of the frame means from frame to frame over all given steps, less the part
-// that temporal noise of the pixels causes [DN].
+// Standard deviation of the frame means from frame to frame over all given steps, without the part
+// caused by temporal noise of the pixels [DN].
 double DeviationOfFrameMeans(std::span<const FlatFieldStatistics* const> steps);
 
-// Flicker and drift of the light, relative, of bright steps.
-// Material: flicker from 0.1 % on, drift over the longest series from 0.1 % on.
+// Relative flicker and drift of the light in bright steps. Material: flicker above 0.1 %, drift
+// over the longest series above 0.1 %.
 std::vector<Departure> LightChanges(std::span<const FlatFieldStatistics* const> bright);
 
-// Noise and drift of the black level [DN], of dark steps. Material from 0.1 DN on.
+// Noise and drift of the black level [DN] in dark steps. Material above 0.1 DN.
 std::vector<Departure> BlackLevelChanges(std::span<const FlatFieldStatistics* const> dark);
 
 }  // namespace sightline

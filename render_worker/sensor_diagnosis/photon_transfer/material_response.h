@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// The size from which on a nonlinear response matters.
+// Size above which a nonlinear response is material.
 #pragma once
 
 namespace sightline {
 
-// A response that deviates by less is as good as linear for the position of a laser line [1].
+// A smaller deviation of the response does not affect the position of a laser line [1].
 // Chosen.
 inline constexpr double kMaterialResponse = 1e-3;
 

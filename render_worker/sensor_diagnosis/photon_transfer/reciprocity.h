@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Test of reciprocity: the same light in a shorter or longer time gives the same signal.
+// Test of reciprocity: the same photons in a shorter or longer time give the same signal.
 #pragma once
 
 #include <span>
@@ -10,10 +10,10 @@
 
 namespace sightline {
 
-// Regression of the relative residuals of `model` on the logarithm of the exposure time: the signal
-// of the same light goes with the time to the power of the slope. Not testable if exposure times do
-// not differ, or only together with the light. Material from an exponent of 0.001 on. `steps`:
-// those that the model was fitted to.
+// Regression of the relative residuals of `model` on the logarithm of the exposure time: for the
+// same light, the signal is proportional to the time to the power of the slope. Not testable if
+// exposure times are equal or vary only together with the light. Material above an exponent of
+// 0.001. `steps`: those that the model was fitted to.
 Departure ReciprocityFailure(std::span<const FlatFieldStatistics> steps, const TransferFit& model);
 
 }  // namespace sightline

@@ -25,7 +25,7 @@ Saturation FindSaturation(const FlatFieldSteps& steps);
 struct StandardValues {
   std::optional<PhotonTransfer> transfer;   // clauses 6.6 to 6.9
   std::optional<DarkCurrent> dark_current;  // clause 7.1
-  std::string warning;                      // why there is no `transfer`; empty: there is
+  std::string warning;                      // reason why `transfer` is unset; empty if it is set
 };
 
 StandardValues MeasureByStandard(const FlatFieldSteps& steps);

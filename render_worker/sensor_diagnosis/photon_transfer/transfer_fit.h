@@ -37,9 +37,9 @@ struct TransferFit {
   double chi_squared = 0;
   int degrees_of_freedom = 0;
 
-  // The parameter's value; 0 if the model does not have it.
+  // The parameter's value; 0 if the model lacks it.
   double Value(const std::string& name) const;
-  // nullptr: the model does not have it.
+  // Returns nullptr if the model lacks it.
   const TransferParameter* Find(const std::string& name) const;
 };
 

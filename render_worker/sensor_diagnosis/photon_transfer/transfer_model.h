@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The model of the photon transfer: mean and temporal variance of a step over its light. It is the
-// linear model of EMVA 1288 (Release 4.0 Linear, section 2) and terms that may extend it.
+// The model of the photon transfer: mean and temporal variance of a step as functions of its
+// light. It is the linear model of EMVA 1288 (Release 4.0 Linear, section 2) with optional
+// terms.
 //
 // With e = eta p + I t electrons of a step of p photons and t seconds, and u = e / e_saturation:
 //   mean      y = y_0 + K g(e),   g(e) = e (1 + b_2 u + b_3 u^2)                  [DN]
@@ -19,11 +20,11 @@
 
 namespace sightline {
 
-// Variance of a number that is rounded to a step of one: a uniform distribution (EMVA 1288 R4.0,
-// section 2.5) [DN^2].
+// Variance of a number rounded to a step of one: a uniform distribution (EMVA 1288 R4.0, section
+// 2.5) [DN^2].
 inline constexpr double kQuantisationVariance_dn2 = 1.0 / 12;
 
-// Terms that may extend the linear model.
+// Optional terms of the linear model.
 enum class TransferTerm {
   kQuadraticResponse,   // b_2
   kCubicResponse,       // b_3
@@ -32,8 +33,8 @@ enum class TransferTerm {
   kStrayLight,          // p_0, of bright frames only
 };
 
-// Place of every parameter in the parameter vector; -1: the model does not have it. Parameters are
-// divided by `scale`, which brings them to the order of one.
+// Index of every parameter in the parameter vector; -1: the model lacks it. Parameters are divided
+// by `scale`, which brings them to the order of one.
 struct TransferLayout {
   int gain = -1, efficiency = -1, dark_current = -1, black_level = -1, dark_variance = -1;
   int quadratic = -1, cubic = -1, brighter_fatter = -1, time_offset = -1, stray = -1;
@@ -41,7 +42,7 @@ struct TransferLayout {
   std::vector<std::pair<std::string, std::string>> name_and_unit;
 };
 
-// Means and variances of the steps that are fitted; one element a step.
+// Means and variances of the fitted steps; one element per step.
 struct TransferObservations {
   std::vector<const FlatFieldStatistics*> steps;
   std::vector<size_t> index;  // of the set's steps
@@ -51,12 +52,12 @@ struct TransferObservations {
   double saturation_electrons = 1;
   double black_level_dn = 0;
   double black_level_deviation_dn = 0;  // standard deviation from frame to frame
-  bool whole_photons = false;           // all are whole numbers: they are rounded
+  bool whole_photons = false;           // all are integers: they were rounded
 
   Eigen::Index size() const { return static_cast<Eigen::Index>(steps.size()); }
 };
 
-// Relative standard deviations of light and of variance from step to step beyond temporal noise.
+// Relative standard deviations of light and of variance between steps, in excess of temporal noise.
 struct BetweenStepDeviation {
   double light = 0, variance = 0;
 };

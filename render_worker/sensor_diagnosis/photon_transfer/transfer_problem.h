@@ -18,7 +18,7 @@ struct TransferData {
   double saturation_signal_dn = 0;
   // Standard deviation of the black level from frame to frame [DN].
   double black_level_deviation_dn = 0;
-  // Photons are given; else light is assumed to be proportional to the exposure time.
+  // Photons are stated; otherwise light is assumed to be proportional to the exposure time.
   bool has_photons = false;
   // Exposure times differ, so that dark current can be separated from the black level.
   bool fit_dark_current = true;
@@ -40,13 +40,13 @@ struct TransferProblem {
   Eigen::VectorXd start;  // in units of the layout's scales
 };
 
-// Whether a step enters the fit: its signal is below 90 % of saturation and no pixel is clipped.
+// True if a step enters the fit: its signal is below 90 % of saturation and no pixel is clipped.
 bool IsBelowSaturation(const FlatFieldStatistics& step, double dark_mean_dn,
                        double saturation_signal_dn);
 
-// Scales and starting values come from all steps, so parameters of all parts mean the same. `fold`
-// in [0, kTransferFolds). FAILED_PRECONDITION: fewer than six bright steps below saturation, unless
-// the fold alone is asked for.
+// Scales and starting values come from all steps, so that parameters of all parts are comparable.
+// `fold` in [0, kTransferFolds). FAILED_PRECONDITION: fewer than six bright steps below saturation,
+// unless only the fold is requested.
 absl::StatusOr<TransferProblem> MakeTransferProblem(const TransferData& transfer,
                                                     const std::set<TransferTerm>& terms,
                                                     FoldPart part, int fold = 0);
