@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One image of a part: light transport, perfect image, optics, sensor.
+// Renders one image of a part: light transport, ideal image, optics, sensor.
 #pragma once
 
 #include <atomic>
@@ -53,11 +53,11 @@ struct RenderedPartFrame {
   std::vector<std::string> warnings;
 };
 
-// The frame's numbers without effects. The same surface at the same place has the same speckle,
-// noise differs with every measurement and stage position.
+// The frame's setup without effects. A surface at the same position has the same speckle; noise
+// differs for every measurement and stage position.
 FrameSetup PartFrameSetup(const Inspection& inspection, const PartFrameRequest& request);
 
-// `effects`: those of the inspection. INVALID_ARGUMENT: an effect that only plates have;
+// `effects`: those of the inspection. INVALID_ARGUMENT: an effect for plates only;
 // RESOURCE_EXHAUSTED: more memory than the limit; CANCELLED.
 absl::StatusOr<RenderedPartFrame> RenderPartFrame(PartScene& scene, const PartFrameRequest& request,
                                                   std::span<const ActiveEffect> effects,

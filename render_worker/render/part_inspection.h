@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// An inspection as a request brings it: self-contained, its other files among the request's assets.
+// The inspection in a request: self-contained, with its other files among the request's assets.
 #pragma once
 
 #include <memory>
@@ -18,9 +18,9 @@
 
 namespace sightline {
 
-// INVALID_ARGUMENT names the field: sensor or materials that are files (a request must never make
-// the server read files of its own) or missing, no lens, and errors of ParseInspection. `field`: of
-// the inspection in the request.
+// INVALID_ARGUMENT names the field: a sensor or materials given as files (a request must never make
+// the server read its own files) or missing, no lens, and errors of ParseInspection. `field`: path
+// of the inspection in the request.
 absl::StatusOr<Inspection> ParsePartInspection(const v1::Inspection& message,
                                                const std::string& field);
 
@@ -28,23 +28,24 @@ absl::StatusOr<Inspection> ParsePartInspection(const v1::Inspection& message,
 absl::StatusOr<std::vector<ActiveEffect>> MakeEffects(const std::vector<EffectChoice>& choices);
 
 // Frames of a request, 1 to 100 000. INVALID_ARGUMENT names the frame and the field: a measurement
-// outside Table 2.1, a stage farther than 100 m away, a camera nearer than the lens focuses, a
-// setting out of range. `field`: of the list.
+// outside Table 2.1, a stage position more than 100 m away, a camera nearer than the lens can
+// focus, a setting out of range. `field`: path of the list.
 absl::StatusOr<std::vector<PartFrameRequest>> ParsePartFrames(
     const google::protobuf::RepeatedPtrField<v1::PartFrame>& frames, const Inspection& inspection,
     const std::string& field);
 
-// Part, obstacles and materials. `part_digest`: filled in if not null. Errors of LoadMeshAsset and
-// PartScene::Make.
+// Loads part, obstacles and materials. `part_digest`: filled in unless null. Errors of
+// LoadMeshAsset and PartScene::Make.
 absl::StatusOr<std::unique_ptr<PartScene>> LoadPartScene(const Inspection& inspection,
                                                          const AssetResolver& assets,
                                                          std::string* part_digest);
 
-// Names of the files it takes, as they stand in the request: part, obstacles, tables and height
-// fields of materials. Sorted, each once.
+// Names of the required files as in the request: part, obstacles, tables and height fields of
+// materials. Sorted, without duplicates.
 std::vector<std::string> AssetFiles(const Inspection& inspection);
 
-// The mesh of an asset; its extension gives the format. Errors of `assets` and LoadPartFromMemory.
+// Loads the mesh of an asset; its extension determines the format. Errors of `assets` and
+// LoadPartFromMemory.
 absl::StatusOr<TriangleMesh> LoadMeshAsset(const std::string& file, const std::string& unit,
                                            const AssetResolver& assets);
 absl::StatusOr<std::vector<TriangleMesh>> LoadObstacles(const Inspection& inspection,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A part with its surroundings, from the inspection to the scene of light transport.
+// Converts a part with its surroundings from the inspection to the scene of light transport.
 #pragma once
 
 #include <memory>
@@ -25,8 +25,8 @@ struct PartSceneInput {
 
 class PartScene {
  public:
-  // Reads materials and spectra. INVALID_ARGUMENT: a surface without a material, an assignment
-  // that no surface has, a material or spectrum out of range; NOT_FOUND: a missing file.
+  // Reads materials and spectra. INVALID_ARGUMENT: a surface without a material, a material
+  // assigned to no surface, a material or spectrum out of range; NOT_FOUND: a missing file.
   static absl::StatusOr<std::unique_ptr<PartScene>> Make(PartSceneInput input);
 
   const Inspection& inspection() const { return input_.inspection; }
@@ -34,13 +34,13 @@ class PartScene {
   // Bounding box of the part and the obstacles that move with it, in part coordinates.
   const Eigen::AlignedBox3d& part_box() const { return part_box_; }
   bool has_incoherent_light() const { return has_incoherent_light_; }
-  // Sum of the lights' radiances, for mean wavelengths.
+  // Sum of the lights' radiances, to compute mean wavelengths.
   Spectrum LightSpectrum() const;
   const std::vector<std::shared_ptr<const Material>>& materials() const { return materials_; }
   const std::vector<std::string>& material_names() const { return material_names_; }
 
-  // Light transport with the stage there; built anew only where something stands still in the
-  // world. Thread-safe.
+  // Light transport at a stage position; rebuilt only if some object is fixed in the world.
+  // Thread-safe.
   absl::StatusOr<std::shared_ptr<const LightTransport>> TransportAt(const Measurement& measurement,
                                                                     double stage_position_m);
 
@@ -51,7 +51,7 @@ class PartScene {
   PartSceneInput input_;
   Eigen::Vector3d part_centre_m_ = Eigen::Vector3d::Zero();
   Eigen::AlignedBox3d part_box_;
-  std::vector<std::shared_ptr<const Material>> materials_;  // the last one: obstacles
+  std::vector<std::shared_ptr<const Material>> materials_;  // the last one is for obstacles
   std::vector<std::string> material_names_;
   std::vector<uint16_t> triangle_material_;
   Spectrum ambient_ = {};

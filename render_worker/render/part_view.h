@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Geometry of a part's frame, and conversion of light transport's radiances to the sensor.
+// Geometry of a part's frame, and conversion of radiances from light transport to the sensor.
 #pragma once
 
 #include <Eigen/Core>
@@ -13,11 +13,11 @@
 
 namespace sightline {
 
-// INVALID_ARGUMENT: an effect that acts on a flat plate alone, and would be silently ignored here.
+// INVALID_ARGUMENT: an effect only acts on flat plates and would be silently ignored here.
 absl::Status CheckEffectsActOnParts(const FrameSetup& nominal,
                                     std::span<const ActiveEffect> effects);
 
-// Rig and measurement with the errors of distance and angle that effects put into the frame.
+// Rig and measurement with the errors of distance and angle that effects set in the frame.
 struct TrueGeometry {
   Rig rig;
   Measurement measurement;
@@ -25,15 +25,15 @@ struct TrueGeometry {
 TrueGeometry WithGeometryErrors(const Rig& rig, const Measurement& measurement,
                                 const FrameSetup& nominal, const FrameSetup& frame);
 
-// Camera and laser in part coordinates with the stage there.
+// Camera and laser in part coordinates at a stage position.
 SceneView MakeView(const PartScene& scene, const TrueGeometry& truth, const FrameSetup& frame,
                    double stage_position_m);
 
-// How light is traced for a frame, by the inspection's render settings.
+// Settings of light transport for a frame, from the inspection's render settings.
 TransportSettings TransportSettingsOf(const RenderSettings& render, const FrameSetup& frame,
                                       int threads);
 
-// The frame's region with one sample for `step` x `step` pixels, for a coarse look.
+// The frame's region with one sample for `step` x `step` pixels, for a coarse evaluation.
 SubPixelGrid CoarseGrid(const FrameSetup& frame, int step);
 
 // Motion of a point at the rig's origin in the image [m] while the stage travels.
@@ -50,10 +50,10 @@ class IrradianceFactor {
   double on_axis_, b2_;
 };
 
-// Mean wavelength [m] of the electrons that a channel releases; `fallback_m` where there are none.
+// Mean wavelength [m] of the electrons that a channel releases; `fallback_m` if it releases none.
 double MeanWavelength(const Spectrum& light, const Spectrum& weight, double fallback_m);
 
-// Materials whose measurement does not fit the size of the pixels on the part.
+// Warnings about materials whose measurement does not suit the size of the pixels on the part.
 std::vector<std::string> ScaleWarnings(const PartScene& scene, const FrameSetup& frame);
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// All images of one request, written into a folder as a set of recordings.
+// Renders all images of one request into a folder as a set of recordings.
 #pragma once
 
 #include <atomic>
@@ -16,7 +16,7 @@
 
 namespace sightline {
 
-// A file that is complete.
+// A complete file.
 struct RenderedFile {
   std::string file;  // path in the folder
   int64_t size_bytes = 0;
@@ -24,7 +24,7 @@ struct RenderedFile {
   int image = -1;      // number of its frame or recording; recordings.json: -1
 };
 
-// Callbacks of a running task. Called from the task's thread.
+// Callbacks of a running task, called from its thread.
 struct RenderTaskHooks {
   std::function<void(RenderedFile file)> on_file;
   std::function<void(const std::string& warning)> on_warning;
@@ -36,20 +36,20 @@ struct RenderTaskHooks {
 
 class RenderTask {
  public:
-  // Checks the request without reading any asset. INVALID_ARGUMENT with field violations: what is
-  // missing or out of range; RESOURCE_EXHAUSTED (reason IMAGE_TOO_LARGE): an image would need more
-  // than `max_image_bytes`.
+  // Checks the request without reading any asset. INVALID_ARGUMENT lists missing or invalid fields
+  // as field violations; RESOURCE_EXHAUSTED (reason IMAGE_TOO_LARGE): an image would need more than
+  // `max_image_bytes`.
   static absl::StatusOr<std::unique_ptr<RenderTask>> Parse(const v1::RenderSpec& spec,
                                                            int64_t max_image_bytes);
   virtual ~RenderTask() = default;
 
-  // Names of the files it reads, as they stand in the request.
+  // Names of the files that it reads, as in the request.
   virtual std::vector<std::string> AssetFiles() const = 0;
   virtual int frames() const = 0;
 
-  // Renders all images that the request does not list as finished into `folder`, which exists;
-  // recordings.json comes last. Every file appears complete.
-  // INVALID_ARGUMENT, NOT_FOUND: a broken asset; CANCELLED.
+  // Renders all images that the request does not list as finished into the existing `folder`;
+  // recordings.json comes last. Every file appears complete. INVALID_ARGUMENT, NOT_FOUND: a broken
+  // asset; CANCELLED.
   virtual absl::Status Run(const std::string& folder, const AssetResolver& assets,
                            const RenderTaskHooks& hooks) = 0;
 };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Jobs whose result is one message, kept until newer answers need its room.
+// Jobs whose result is one message, which is kept until newer results need its memory.
 #pragma once
 
 #include <chrono>
@@ -25,8 +25,8 @@ inline constexpr std::chrono::milliseconds kProgressInterval{50};
 
 class AnswerJobs {
  public:
-  // `jobs` must outlive it. `spool_folder`: kept out of errors. `max_result_bytes`: of all answers;
-  // the longest unused go first.
+  // `jobs` must outlive this object. `spool_folder`: removed from error messages.
+  // `max_result_bytes`: for all answers; the least recently used are dropped first.
   AnswerJobs(JobStore* jobs, std::string spool_folder, int64_t max_result_bytes)
       : jobs_(jobs), spool_folder_(std::move(spool_folder)), results_(max_result_bytes) {}
 
@@ -39,28 +39,29 @@ class AnswerJobs {
         [&] { return MemoryOf(request); });
   }
 
-  // Progress in [0, 1] with a text; false: the job is cancelled.
+  // Reports progress in [0, 1] with a text; false means that the job is cancelled.
   using Progress = std::function<bool(double fraction, const std::string& what)>;
-  // From the progress to report and the context, which says when to stop, to the serialised answer.
+  // Gets the progress function and the context, which signals cancellation; returns the serialised
+  // answer.
   using Work = std::function<absl::StatusOr<std::string>(const Progress&, JobContext&)>;
 
-  // Queues the work, in the room that it was admitted to. Requests that are the same but have no
-  // `request_id` are different ones. The job's error is RESOURCE_EXHAUSTED if the answer is too
-  // large for a message.
+  // Queues the work in its admitted slot. Identical requests without `request_id` are
+  // different jobs. The job's error is RESOURCE_EXHAUSTED if the answer is too large for a
+  // message.
   template <typename Request>
   absl::StatusOr<v1::Job> Create(const std::string& kind, const Request& request,
                                  std::unique_ptr<JobRoom> room, Work&& work) {
     return Queue(kind, request.request_id(), DigestOf(request), std::move(room), std::move(work));
   }
 
-  // The serialised answer of a finished job of the kind. NOT_FOUND, reason JOB_UNKNOWN or
+  // The serialised answer of a finished job of this kind. NOT_FOUND, reason JOB_UNKNOWN or
   // RESULT_DROPPED; FAILED_PRECONDITION, reason JOB_NOT_FINISHED; the job's error, unless it was
   // cancelled and its work returned a partial result.
   absl::StatusOr<std::shared_ptr<const std::string>> Result(const std::string& job_id,
                                                             const std::string& kind);
 
  private:
-  // Digest of all fields but the id.
+  // Digest of all fields except the id.
   template <typename Request>
   static std::string DigestOf(Request request) {
     request.clear_request_id();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Assets of one request under the names that the request gives them.
+// Assets of one request under the names in the request.
 #pragma once
 
 #include <google/protobuf/repeated_ptr_field.h>
@@ -15,7 +15,7 @@
 
 namespace sightline {
 
-// Holds on to the assets. Its folder is made when the first file is asked for, and goes with it.
+// Keeps the assets alive. Its folder is made when the first file is requested, and removed with it.
 class AssetFolder {
  public:
   explicit AssetFolder(std::string folder) : folder_(std::move(folder)) {}
@@ -23,16 +23,16 @@ class AssetFolder {
   AssetFolder(const AssetFolder&) = delete;
   AssetFolder& operator=(const AssetFolder&) = delete;
 
-  // NOT_FOUND, reason ASSET_UNKNOWN: one must be uploaded first. INVALID_ARGUMENT: a name that is
-  // not relative or leaves the folder, or is used twice. `field`: of the list, for messages.
+  // NOT_FOUND, reason ASSET_UNKNOWN: an asset must be uploaded first. INVALID_ARGUMENT: a name is
+  // not relative, leaves the folder, or is used twice. `field`: path of the list, for messages.
   absl::Status Add(const google::protobuf::RepeatedPtrField<v1::RenderAsset>& assets,
                    const std::string& field, AssetStore* store);
 
   bool Has(const std::string& file) const;
   int size() const { return static_cast<int>(assets_.size()); }
-  // Path of a file that was added. NOT_FOUND: there is none.
+  // Path of an added file. NOT_FOUND: there is no such file.
   absl::StatusOr<std::string> Resolve(const std::string& file) const;
-  // The client knows its files by the names it gave them.
+  // Replaces paths in the message by the client's own names of its files.
   std::string WithoutFolder(const std::string& message) const;
   absl::Status WithoutFolder(const absl::Status& status) const;
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Uploaded files on disk, by digest, limited in bytes and in time; the longest unused go first.
+// Uploaded files on disk, by digest, limited in bytes and age; the least recently used go first.
 #pragma once
 
 #include <google/protobuf/message.h>
@@ -16,13 +16,13 @@
 
 namespace sightline {
 
-// Digest of a message: the same for equal messages, whatever order their maps are in.
+// Digest of a message: the same for equal messages, for any order of their maps.
 std::string MessageDigest(const google::protobuf::Message& message);
 
-// Memory of a request that waits: the message, and about as much for its parsed form.
+// Memory of a waiting request: the message, and about as much for its parsed form.
 int64_t MemoryOf(const google::protobuf::Message& request);
 
-// A file that is removed when nobody holds it any more.
+// A file that is removed with its last reference.
 class Asset {
  public:
   explicit Asset(std::string path) : path_(std::move(path)) {}
@@ -38,15 +38,15 @@ class Asset {
 // Thread-safe.
 class AssetStore {
  public:
-  // `folder` exists and belongs to the store.
+  // `folder` must exist; the store owns it.
   AssetStore(std::string folder, int64_t max_bytes);
 
-  // Keeps the bytes in a file that only this user can read; returns their digest.
+  // Stores the bytes in a file that only this user can read; returns their digest.
   // RESOURCE_EXHAUSTED: they alone exceed the limit, or the disk is full.
   absl::StatusOr<std::string> Put(const std::string& bytes);
   // Null if unknown. The file stays while the asset is held.
   std::shared_ptr<const Asset> Get(const std::string& digest) { return assets_.Get(digest); }
-  // Forgets assets that were neither put nor got for that long.
+  // Drops assets that were neither put nor read for that long.
   void DropUnused(absl::Duration age);
 
   int64_t count() const { return assets_.count(); }

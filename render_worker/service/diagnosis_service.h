@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// DiagnosisService: sets of recordings, compared with the model as jobs.
+// DiagnosisService: jobs that compare sets of recordings with the model.
 #pragma once
 
 #include <atomic>
@@ -24,7 +24,7 @@
 
 namespace sightline {
 
-// Functions that the service runs. A function that is not there: its calls get UNIMPLEMENTED.
+// Functions that the service runs. Calls of a missing function return UNIMPLEMENTED.
 struct RecordingFunctions {
   // Diagnose, Verify and DiagnoseScene.
   std::function<absl::StatusOr<v1::Diagnosis>(const RecordedSet&, const DiagnosisSettings&,
@@ -48,8 +48,9 @@ class DiagnosisServiceImpl final : public v1::DiagnosisService::Service {
     RecordingFunctions functions;
     int threads = 1;                             // of one job
     int64_t max_image_bytes = int64_t{8} << 30;  // memory for one image of a part
-    int64_t max_set_bytes = int64_t{1} << 30;    // raw numbers in memory, all waiting sets together
-    int64_t max_result_bytes = int64_t{1} << 30;  // answers in memory; the longest unused go first
+    int64_t max_set_bytes = int64_t{1} << 30;    // raw values in memory, of all waiting sets
+    int64_t max_result_bytes = int64_t{1}
+                               << 30;  // answers in memory; the least recently used go first
   };
   explicit DiagnosisServiceImpl(Parts parts)
       : p_(std::move(parts)),
@@ -73,20 +74,20 @@ class DiagnosisServiceImpl final : public v1::DiagnosisService::Service {
   struct CheckedPlate;
   struct CheckedScene;
 
-  // `missing`: whether values that a plate's description does not state are assumed.
+  // `missing`: treatment of values that a plate's description does not state.
   enum class Missing { kError, kAssume };
   absl::StatusOr<std::shared_ptr<CheckedSet>> Check(const v1::RecordedSetSource& source,
                                                     Missing missing, const StopCheck& stop);
   absl::StatusOr<std::shared_ptr<const CheckedPlate>> CheckPlate(
       const v1::RecordedSetSource& source, Missing missing, const StopCheck& stop);
-  // All but the meshes.
+  // Checks the scene, except for its meshes.
   absl::StatusOr<std::shared_ptr<CheckedScene>> CheckScene(
       const v1::CreateDiagnosisRequest& request, const StopCheck& stop);
   absl::StatusOr<v1::Diagnosis> RunScene(CheckedScene& work, SceneDiagnosisSettings settings,
                                          const DiagnosisProgress& progress,
                                          const std::atomic<bool>& cancelled);
-  // Queues `work`, a function from DiagnosisProgress and whether it is cancelled to the answer, to
-  // which the warnings are added.
+  // Queues `work`: a function of DiagnosisProgress and the cancelled state that returns the answer,
+  // to which the warnings are added.
   template <typename Request, typename Work>
   absl::StatusOr<v1::Job> CreateJob(std::unique_ptr<JobRoom> room, const std::string& kind,
                                     const Request& request, std::vector<std::string> warnings,

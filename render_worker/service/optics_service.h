@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// OpticsService: choices of camera and laser settings, and tables of detectability, as jobs.
+// OpticsService: jobs that choose camera and laser settings or compute tables of detectability.
 #pragma once
 
 #include <atomic>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Finished files of render jobs on disk, until they are too many or too old.
+// Finished files of render jobs on disk, limited in number, size and age.
 #pragma once
 
 #include <atomic>
@@ -20,8 +20,8 @@
 
 namespace sightline {
 
-// Files and warnings of one job, growing while it runs. Thread-safe. Its folder is made when the
-// job starts, and goes with this.
+// Files and warnings of one job, which grow while it runs. Thread-safe. Its folder is made when the
+// job starts, and removed with this object.
 class RenderOutput {
  public:
   explicit RenderOutput(std::string folder);
@@ -30,20 +30,20 @@ class RenderOutput {
   RenderOutput& operator=(const RenderOutput&) = delete;
 
   const std::string& folder() const { return folder_; }
-  // RESOURCE_EXHAUSTED: it cannot be made.
+  // RESOURCE_EXHAUSTED if the folder cannot be made.
   absl::Status MakeFolder() const;
-  // After a job that made nothing.
+  // Removes the folder after a job without files.
   void RemoveFolder() const;
-  // The job has ended: its files are kept for a time from now on.
+  // Marks the job as ended: the age of its files counts from now.
   void Finish();
-  // Whether it ended that long ago.
+  // True if the job ended at least `age` ago.
   bool FinishedBefore(absl::Duration age) const;
-  // The output is not wanted any more.
+  // Marks the output as no longer needed.
   void Discard() { discarded_ = true; }
   bool discarded() const { return discarded_; }
   void AddFile(RenderedFile file);
   void AddWarning(const std::string& warning);
-  // Files from number `first` on.
+  // Files with index `first` and above.
   std::vector<RenderedFile> FilesFrom(size_t first) const;
   std::vector<std::string> WarningsFrom(size_t first) const;
   int64_t bytes() const;
@@ -61,17 +61,17 @@ class RenderOutput {
 // Thread-safe.
 class RenderOutputStore {
  public:
-  // `keep`: how long files are kept after their job has ended.
+  // `keep`: maximum age of files after the end of their job.
   explicit RenderOutputStore(int64_t max_bytes, absl::Duration keep = absl::InfiniteDuration())
       : max_bytes_(max_bytes), keep_(keep) {}
 
-  // Nothing happens if the job had an output before, even if that was dropped since, or if the
-  // output was discarded meanwhile.
+  // Does nothing if the job already had an output, even if that was dropped since, or if the output
+  // was discarded meanwhile.
   void Add(const std::string& job_id, std::shared_ptr<RenderOutput> output);
   // Null if unknown or dropped.
   std::shared_ptr<RenderOutput> Get(const std::string& job_id) const;
-  // Drops discarded and too old outputs, and the oldest ones beyond the limits on bytes and
-  // on number, but not the newest one. Who streams from one keeps it alive.
+  // Drops discarded and expired outputs, and the oldest ones beyond the limits of size and number,
+  // except the newest. A stream from an output keeps it alive.
   void Trim();
 
  private:
@@ -80,7 +80,7 @@ class RenderOutputStore {
   mutable std::mutex mutex_;
   std::map<std::string, std::shared_ptr<RenderOutput>> outputs_;
   std::deque<std::string> order_;  // oldest first
-  std::set<std::string> known_;    // added before, as far as jobs are remembered
+  std::set<std::string> known_;    // jobs added before, as far as jobs are remembered
   std::deque<std::string> known_order_;
 };
 

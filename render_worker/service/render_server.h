@@ -15,16 +15,16 @@ namespace sightline {
 
 struct RenderServerOptions : RpcServerOptions {
   int threads = 0;         // of one job; 0: one per core
-  int render_workers = 1;  // jobs at a time
-  // Limits on all jobs that wait or run: how many, and memory of their requests. More get
-  // RESOURCE_EXHAUSTED.
+  int render_workers = 1;  // concurrent jobs
+  // Limits of all waiting and running jobs: their number, and the memory of their requests. Jobs
+  // beyond them get RESOURCE_EXHAUSTED.
   int64_t max_queued_jobs = 64;
   int64_t max_queued_bytes = int64_t{256} << 20;
   // Folder for assets and images; empty: the system's temporary folder. The server makes a
-  // folder there that only its user can enter. It goes when the server ends; if it is killed, when
-  // the next one starts on the same folder.
+  // subfolder that only its user can enter and removes it when it ends. If the server is killed,
+  // the next one that starts on the same folder removes it.
   std::string spool_folder;
-  // How long uploaded files stay that no request uses, and images whose job has ended.
+  // Maximum age of unused uploaded files, and of images after the end of their job.
   absl::Duration keep = absl::Hours(24);
   int64_t max_asset_bytes = int64_t{512} << 20;
   int64_t max_asset_store_bytes = int64_t{4} << 30;
@@ -33,11 +33,11 @@ struct RenderServerOptions : RpcServerOptions {
   int64_t max_set_bytes = int64_t{1} << 30;
 };
 
-// Serves from Start until Drain or the destructor.
+// Serves from Start until Drain or destruction.
 class RenderServer : public RunningServer {
  public:
-  // INVALID_ARGUMENT for an address, folder or TLS file that cannot be used, naming it; UNAVAILABLE
-  // when the address is taken. `functions`: of the DiagnosisService.
+  // INVALID_ARGUMENT names an unusable address, folder or TLS file; UNAVAILABLE if the address is
+  // in use. `functions`: for the DiagnosisService.
   static absl::StatusOr<std::unique_ptr<RenderServer>> Start(const RenderServerOptions& options,
                                                              RecordingFunctions functions = {});
   // 0 if metrics are off.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// RenderService: assets, render jobs, their files.
+// RenderService: assets, render jobs and their files.
 #pragma once
 
 #include <atomic>
@@ -55,9 +55,9 @@ class RenderServiceImpl final : public v1::RenderService::Service {
                       grpc::ServerWriter<v1::StreamRenderFilesResponse>* writer);
 
   const Parts p_;
-  const SharedLimit upload_memory_;  // bytes that have come and are not kept yet
+  const SharedLimit upload_memory_;  // received bytes that are not stored yet
   std::atomic<int64_t> next_folder_ = 0;
-  // Jobs by request_id are looked up before a folder is made for a new one.
+  // Guards the lookup of jobs by request_id until a folder for a new job is made.
   std::mutex create_mutex_;
 };
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// SensorService: diagnoses of flat-field and dark frames, as jobs.
+// SensorService: jobs that diagnose flat-field and dark frames.
 #pragma once
 
 #include <atomic>

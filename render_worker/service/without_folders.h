@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Errors as clients may read them.
+// Error messages without server paths.
 #pragma once
 
 #include <string>
@@ -9,9 +9,9 @@
 
 namespace sightline {
 
-// `message` with files named as they are in the folders: "FOLDER/name" becomes "name". Clients know
-// their files by their own names, and where a server keeps its files is none of their business.
-// Longer folders first where one lies in another.
+// Removes folders from file names in `message`: "FOLDER/name" becomes "name". Clients know their
+// files by their own names and must not see the server's paths. Nested folders are replaced longest
+// first.
 std::string WithoutFolders(const std::string& message, const std::vector<std::string>& folders);
 absl::Status WithoutFolders(const absl::Status& status, const std::vector<std::string>& folders);
 
