@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// How wide the image of a laser line is.
+// Width of a laser line's image.
 #pragma once
 
 #include "render_worker/frame/frame_setup.h"
 
 namespace sightline {
 
-// Standard deviation of the nominal line's image [px], roughly: beam, diffraction, defocus.
+// Approximate standard deviation of the nominal line's image [px]: beam, diffraction, defocus.
 double NominalWidthPx(const FrameSetup& frame);
 
-// Radius of the disc that a point of the nominal line is blurred to by defocus alone [px].
+// Radius of the disc into which defocus alone blurs a point of the nominal line [px].
 double DefocusRadiusPx(const FrameSetup& frame);
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The flat plate of the recordings format (docs/recordings.md), as functions of the place on it.
+// The flat plate of the recordings format (docs/recordings.md), as functions of the position on it.
 #pragma once
 
 #include <array>
@@ -10,24 +10,24 @@
 
 namespace sightline {
 
-// Function of the place (X along the line, s across it) [m] on the plate.
+// Function of the position on the plate (X along the line, s across it) [m].
 using PlateFunction = std::function<double(double x_m, double s_m)>;
-// The image point (u, v) at which an error-free lens would show what a point of the sensor sees.
+// Image point (u, v) at which an error-free lens would image the object point of a sensor point.
 struct SensorPoint {
   double u_m, v_m;
 };
 using ImageMapping = std::function<SensorPoint(SensorPoint)>;
 
-// Effects wrap these functions. An empty function has its null meaning.
+// Effects wrap these functions. An empty function has the null meaning.
 struct PlateScene {
   PlateFunction laser_irradiance_w_m2;
   PlateFunction brdf_per_sr;               // laser direction to camera
   PlateFunction height_m;                  // towards the camera; empty: 0
   PlateFunction ambient_radiance_w_m2_sr;  // as photons of the laser's wavelength; empty: 0
-  // On the quantum efficiency of the channels: other light need not have the laser's wavelength.
+  // Factor on the quantum efficiency of the channels, since other light may have other wavelengths.
   std::array<double, 3> ambient_channel_factor = {1, 1, 1};
   ImageMapping image_mapping;  // empty: identity
-  // Irradiance is constant along X (the null model's): one column then stands for all.
+  // Irradiance is constant along X (as in the null model), so one column represents all.
   bool constant_along_line = true;
 };
 
@@ -45,8 +45,8 @@ double PlateBrdf(const PlateSurface& surface, double incidence_angle_rad);
 PlateScene MakePlateScene(const FrameSetup& frame);
 
 // E_ideal(u, v) = pi/4 L(v/m) T (D/b)^2 cos^4(phi) on the grid; ambient light likewise as electron
-// flux. m = b / (d_c - height). Depth is given where laser light is. Same bytes for any number of
-// threads.
+// flux. m = b / (d_c - height). Depth is set only at points with laser light. The bytes do not
+// depend on the number of threads.
 IdealImage RenderPlate(const PlateScene& scene, const FrameSetup& frame, const SubPixelGrid& grid,
                        int threads = 1);
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A flat plate in any pose under a laser plane in any position, exactly: every point of the plate
-// has its own depth, distance from the laser, and directions of light and view.
+// A flat plate in any pose under any laser plane, computed exactly: every point of the plate has
+// its own depth, distance from the laser, and directions of light and view.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -11,12 +11,12 @@
 
 namespace sightline {
 
-// Laser of an even fan (power over 2 d tan(fan/2) at the distance d from its origin), reflectance,
-// height and image mapping of the frame's plate; to be rendered by RenderPlate. The camera's pixels
-// are those of the whole sensor, whose middle is where the frame has its principal point. The
-// frame's image distance must be the camera's focal length; `frame.plate.camera_distance_m`, the
-// depth that heights refer to, must be near the depth of the line. The rest of `frame.plate` is not
-// read. `sheet.origin_m` must be set.
+// Laser with a uniform fan (power over 2 d tan(fan/2) at the distance d from its origin),
+// reflectance, height and image mapping of the frame's plate, for RenderPlate. The camera's pixels
+// are those of the whole sensor, whose middle is the frame's principal point. The frame's image
+// distance must be the camera's focal length. `frame.plate.camera_distance_m`, the reference depth
+// of heights, must be near the depth of the line. The rest of `frame.plate` is ignored.
+// `sheet.origin_m` must be set.
 PlateScene MakeTiltedPlateScene(const FrameSetup& frame, const TargetCamera& camera,
                                 const LaserSheet& sheet, const PlateLine& line);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From the description of a plate recording to the frame that is simulated.
+// Converts the description of a plate recording into the simulated frame.
 #pragma once
 
 #include <cstdint>
@@ -17,12 +17,13 @@ struct PlateFrameOptions {
   bool speckle = true;
 };
 
-// Recording `index` of a set of a plate. Speckle depends on seed and plate position only, noise on
-// seed and index. Of version 3, `plate` has the depth in the middle of the line and nothing else.
+// Recording `index` of a set of a plate. Speckle depends only on seed and plate position, noise on
+// seed and index. For version 3, `plate` only contains the depth in the middle of the line.
 FrameSetup PlateFrame(const RecordingSet& set, int index, const PlateFrameOptions& options);
 
-// The plate of the recording before effects. Version 3: the tilted plate exactly; deviations of
-// distances, angles and the line's position do not change it, and laser_plane.origin_m must be set.
+// The plate of the recording before effects. For version 3 it is the exact tilted plate: deviations
+// of distances, angles and the line's position do not change it, and laser_plane.origin_m must be
+// set.
 std::function<PlateScene(const FrameSetup&)> PlateOf(const RecordingSet& set, int index);
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rows of a recording that belong together: by distance from the nominal line.
+// Groups rows of a recording by their distance from the nominal line.
 #pragma once
 
 #include <vector>
@@ -17,15 +17,15 @@ struct ProfileBin {
   double centre_px = 0;  // from the nominal line
 };
 
-// Bins of one recording, plane by plane, from top to bottom: narrow on the nominal line, growing
-// outwards. Dark frames: one bin a plane.
+// Bins of one recording, plane by plane, from top to bottom: narrow on the nominal line, wider
+// outwards. Dark frames have one bin per plane.
 std::vector<ProfileBin> MakeProfileBins(const RecordedFrame& recorded,
                                         const std::vector<PixelPlane>& planes);
 
 // Row of the nominal line in its region.
 double NominalLineRow(const FrameSetup& frame);
 
-// Distance from the nominal line beyond which its light counts as none.
+// Distance from the nominal line beyond which its light is neglected.
 double UnlitDistancePx(const FrameSetup& frame);
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Blocks along the line, and the narrow strips the model is evaluated on.
+// Segments along the line, and the narrow column samples on which the model is evaluated.
 #pragma once
 
 #include <utility>
@@ -8,14 +8,14 @@
 
 namespace sightline {
 
-// First and one past the last column of block `block` of `blocks`; even, so that it starts with a
+// First column of block `block` of `blocks`, and one past its last; even, so that it starts with a
 // Bayer cell.
 inline std::pair<int, int> BlockColumns(int columns_px, int blocks, int block) {
   const auto edge = [&](int i) { return i * columns_px / blocks / 2 * 2; };
   return {edge(block), block + 1 == blocks ? columns_px : edge(block + 1)};
 }
 
-// The region cut to at most `width_px` columns (even) in the middle of a block.
+// The region, cut to at most `width_px` (even) columns in the middle of a block.
 inline RegionOfInterest StripRegion(const RegionOfInterest& roi, int blocks, int block,
                                     int width_px) {
   const auto [first, last] = BlockColumns(roi.columns_px, blocks, block);

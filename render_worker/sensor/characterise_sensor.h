@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The EMVA 1288 procedure carried out on the simulated sensor: the values of its data sheet.
+// Runs the EMVA 1288 procedure on the simulated sensor and returns its data-sheet values.
 #pragma once
 
 #include <cstdint>
@@ -17,8 +17,9 @@ struct CharacterisationSetup {
   int size_px = 256;        // square region, even
   int exposure_steps = 60;  // of the photon transfer, equally spaced (clause 6.5: at least 50)
   int stack_frames = 100;   // for DSNU and PRNU, dark and bright
-  double exposure_time_s = 1e-3;            // light varies, the time does not
-  double longest_dark_exposure_time_s = 5;  // shorter where the dark charge would near saturation
+  double exposure_time_s = 1e-3;  // the light varies, the exposure time is constant
+  double longest_dark_exposure_time_s =
+      5;  // shortened if the dark charge would approach saturation
   uint64_t seed = 1;
 };
 
@@ -30,8 +31,8 @@ struct Characterisation {
   NonUniformity non_uniformity;
 };
 
-// Takes the images (flat light, dark frames, four temperatures 7 K apart from the reference
-// temperature up) and evaluates them. Errors: those of the measurements.
+// Simulates the images (flat light, dark frames, four temperatures from the reference temperature
+// upwards in steps of 7 K) and evaluates them. Errors of the measurements.
 absl::StatusOr<Characterisation> CharacteriseSensor(const Sensor& sensor,
                                                     const CharacterisationSetup& setup);
 

@@ -19,16 +19,16 @@ enum class DemosaicMethod {
 // Red, green, blue, the same size each.
 using RgbImage = std::array<Image<float>, 3>;
 
-// Fills in the two missing colours of every pixel of an RGGB image. `row_px`, `column_px`: place of
-// the first pixel on the sensor, even and even for red (may be negative). Values beyond the image
-// are mirrored at its edge, which keeps the colours of the pattern. Malvar's may lie outside
+// Interpolates the two missing colours of every pixel of an RGGB image. `row_px`, `column_px`:
+// position of the first pixel on the sensor, both even for red (may be negative). The image is
+// mirrored at its edges, which keeps the colours of the pattern. Malvar's values may lie outside
 // [0, largest DN]: clamp for display. INVALID_ARGUMENT: less than 3 rows or columns.
 absl::StatusOr<RgbImage> Demosaic(const Image<uint16_t>& raw_dn, int row_px, int column_px,
                                   DemosaicMethod method);
 
-// Factors of red, green, blue that make the image's mean grey, green's being 1 (grey world,
-// Buchsbaum 1980); black_level_dn is taken off first. Values of `saturation_dn` and more in any
-// colour are left out; <= 0: none is. All 1 where a colour has no light.
+// Factors of red, green and blue that make the image's mean grey, with 1 for green (grey world,
+// Buchsbaum 1980), after black_level_dn is subtracted. Pixels with a colour of at least
+// `saturation_dn` are left out; <= 0: none are. All factors are 1 if a colour has no light.
 std::array<double, 3> GreyWorldFactors(const RgbImage& image_dn, double black_level_dn,
                                        double saturation_dn);
 

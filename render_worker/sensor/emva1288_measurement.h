@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The measurement procedure of EMVA 1288 (Release 4.0 Linear, sections 6 to 8), on images of a
-// camera under uniform light. Evaluates images only: it does not know where they come from.
+// The measurement procedure of EMVA 1288 (Release 4.0 Linear, sections 6 to 8) on images of a
+// camera under uniform light. It evaluates images from any source.
 #pragma once
 
 #include <cstdint>
@@ -14,8 +14,8 @@
 
 namespace sightline {
 
-// A measured value and its standard error (k = 1); normal law, so that the true value lies within
-// Lower95 to Upper95 with 95 % confidence.
+// A measured value and its standard error (k = 1). With a normal distribution, the true value lies
+// within Lower95 to Upper95 with 95 % confidence.
 struct Estimate {
   double value = 0;
   double standard_error = 0;
@@ -51,7 +51,7 @@ struct PhotonTransfer {
   Estimate responsivity_dn_per_photon;     // R, from 0 to 70 % of saturation
   Estimate gain_dn_per_electron;           // K, likewise
   Estimate quantum_efficiency;             // R / K
-  Estimate dark_noise_electrons;           // sigma_d, quantisation noise taken off
+  Estimate dark_noise_electrons;           // sigma_d, without quantisation noise
   bool dark_noise_is_upper_bound = false;  // quantisation hides it (variance below 0.24 DN^2)
   Estimate saturation_photons;             // mu_p.sat, by the largest variance
   Estimate saturation_capacity_electrons;  // mu_e.sat
@@ -61,7 +61,7 @@ struct PhotonTransfer {
   // Mean of |deviation| from the line of least relative squares, 5 to 95 % of saturation.
   double linearity_error_relative = 0;
   double linearity_error_min_relative = 0, linearity_error_max_relative = 0;
-  // Mean of it that temporal noise alone leaves for a linear camera.
+  // The part of its mean that temporal noise alone causes for a linear camera.
   double linearity_noise_relative = 0;
 };
 
@@ -111,7 +111,7 @@ class FrameStack {
   double MeanDn() const;
   // Mean over the pixels of the temporal variance.
   double TemporalVarianceDn2() const;
-  // Variance over the pixels of the averaged frame, with the temporal noise left in it.
+  // Variance over the pixels of the averaged frame, including its residual temporal noise.
   double MeasuredSpatialVarianceDn2() const;
 
  private:

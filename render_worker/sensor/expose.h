@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// EMVA 1288 linear camera model, from irradiance to raw numbers (EMVA 1288 R4.0, section 2; thesis
-// eq. 4.26-4.29 with electrons drawn as Poisson(eta mu_p)).
+// EMVA 1288 linear camera model, from irradiance to raw values (EMVA 1288 R4.0, section 2; thesis
+// eq. 4.26-4.29 with electrons sampled from Poisson(eta mu_p)).
 #pragma once
 
 #include <cstdint>
@@ -15,12 +15,12 @@ namespace sightline {
 
 // Mean photo-electrons of every pixel, eta(channel) E p^2 t lambda / (h c) for the laser plus the
 // flux of other light (thesis eq. 4.27). All zero if the shutter is closed; no laser light if the
-// laser is off. Rounding may leave irradiance slightly below 0; such pixels get 0.
-// `plane`: only its pixels are computed, the others are 0; nullptr: all.
+// laser is off. Pixels with irradiance slightly below 0 due to rounding get 0. `plane`: only its
+// pixels are computed, the others are 0; nullptr: all.
 Image<double> MeanPhotoElectrons(const PixelIrradiance& light, const FrameSetup& frame,
                                  const PixelPlane* plane = nullptr);
 
-// Mean number of a dark pixel at no exposure time: black level and mu_d (EMVA 1288 R4.0, section
+// Mean raw value of a dark pixel at exposure time 0: black level and mu_d (EMVA 1288 R4.0, section
 // 2.3) [DN].
 double DarkMeanDn(const Sensor& sensor);
 
@@ -28,12 +28,12 @@ double DarkMeanDn(const Sensor& sensor);
 // 3), without mu_d.
 double DarkCurrentElectrons(const FrameSetup& frame);
 
-// Charge before conversion: Poisson of photo-electrons (with the pixels' sensitivity, PRNU) and
-// dark current (temperature doubling), normal dark noise, dark mean, fixed offsets (DSNU); limited
-// to [0, N_sat]. `mean_photo_electrons` covers frame.roi. Random numbers depend on the frame's
-// seeds (noise: this frame; camera: fixed pattern) and the pixel's place on the sensor only, so a
-// smaller region of the same frame has the same pixels.
-// `plane`: as above; its pixels have the same numbers as without.
+// Charge before conversion: Poisson photo-electrons (with the pixels' sensitivity, PRNU) and dark
+// current (temperature doubling), normal dark noise, dark mean, fixed offsets (DSNU); limited to
+// [0, N_sat]. `mean_photo_electrons` covers frame.roi. Random numbers only depend on the frame's
+// seeds (noise: this frame; camera: fixed pattern) and the pixel's position on the sensor, so a
+// smaller region of the same frame has the same pixels. `plane`: as above; its pixels are the same
+// as without it.
 Image<double> CollectElectrons(const Image<double>& mean_photo_electrons, const FrameSetup& frame,
                                const PixelPlane* plane = nullptr);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The interleaved planes of a sensor's image: every one holds pixels of one colour.
+// The interleaved planes of a sensor's image; each contains the pixels of one colour.
 #pragma once
 
 #include <vector>
@@ -9,7 +9,7 @@
 
 namespace sightline {
 
-// Pixels of one kind: all of a mono sensor, or one of the four of a Bayer cell.
+// Pixels of one kind: all pixels of a mono sensor, or one of the four of a Bayer cell.
 struct PixelPlane {
   int first_row = 0;
   int first_column = 0;
@@ -19,7 +19,7 @@ struct PixelPlane {
 // The planes of a sensor, row by row of the cell.
 std::vector<PixelPlane> PixelPlanes(const Sensor& sensor);
 
-// Pixels of a plane, its step left out.
+// Pixels of a plane as a dense image.
 Image<float> PlaneValues(const Image<uint16_t>& raw_dn, const PixelPlane& plane);
 
 }  // namespace sightline

@@ -13,11 +13,11 @@
 
 namespace sightline {
 
-// Least squared contrast; without any speckle its distribution would be undefined.
+// Smallest squared contrast; without any speckle its distribution would be undefined.
 inline constexpr double kLeastContrastSquared = 1e-6;
 
-// How much light passes each place of the pupil towards one place of the image; 1 everywhere for an
-// evenly lit object.
+// Transmission of each position in the pupil towards one position in the image; 1 everywhere for a
+// uniformly lit object.
 using PupilWeight = std::function<double(double x_m, double y_m)>;
 
 // Covariance of the irradiance of two pixels over the product of their means, by their distance in
@@ -37,8 +37,8 @@ class SpecklePixelCovariance {
 
   double At(int rows, int columns) const;
   int max_lag() const { return max_lag_; }
-  // Covariance if pixels take up fractions of the light on pixels around them (`shares`: odd sizes,
-  // the pixel itself in the middle; relative to what they get in all).
+  // Covariance if pixels exchange fractions of light with the pixels around them. `shares`: odd
+  // sizes, the pixel itself in the middle; relative to the total.
   SpecklePixelCovariance Shared(const Image<double>& shares) const;
 
  private:
@@ -47,8 +47,8 @@ class SpecklePixelCovariance {
   std::vector<double> values_;
 };
 
-// The same along a line across the image, which lights the pupil unevenly once it is out of focus:
-// at the line's flank light comes from one side of the pupil only, and speckle is longer across the
+// The same for a line across the image, which lights the pupil unevenly when it is out of focus. At
+// the line's flank light comes from one side of the pupil only, so speckle is longer across the
 // line than along it.
 class LineSpeckle {
  public:
@@ -59,7 +59,7 @@ class LineSpeckle {
               double first_v_m, double sample_pitch_m);
 
   int places() const { return static_cast<int>(places_->size()); }
-  // Number of the place that stands for v.
+  // Index of the position that represents v.
   int PlaceOf(double v_m) const;
   const SpecklePixelCovariance& At(int place) const { return (*places_)[place]; }
   int max_lag() const { return places_->front().max_lag(); }
@@ -67,7 +67,7 @@ class LineSpeckle {
     const int middle = (places() - 1) / 2;
     return centre_m_ + (place - middle) * spacing_m_;
   }
-  // The same line with other covariances, one a place.
+  // The same line with other covariances, one per position.
   LineSpeckle With(std::vector<SpecklePixelCovariance> covariances) const;
 
  private:
@@ -75,13 +75,13 @@ class LineSpeckle {
   std::shared_ptr<const std::vector<SpecklePixelCovariance>> places_;  // shared by equal lines
 };
 
-// Covariance of the means of two rows `distance` apart, over the product of what is expected of
-// them: of `columns` pixels, `step` apart, in the second row `phase` columns to the right.
+// Covariance of the means of two rows `distance` apart, over the product of their expectations. The
+// means are over `columns` pixels, `step` apart; the second row is `phase` columns to the right.
 double CovarianceOfMeans(const SpecklePixelCovariance& pixel, int distance, int columns, int step,
                          int phase);
 
-// Variance of the sum of what rows hold (`of_row`, on average) that speckle makes: each row is the
-// mean of `columns` pixels, `step` apart. First row: first_row_px of the sensor.
+// Variance due to speckle of the sum over rows with expectations `of_row`. Each row is the mean of
+// `columns` pixels, `step` apart. First row: first_row_px of the sensor.
 double VarianceOfRows(const LineSpeckle& speckle, const std::vector<double>& of_row, int columns,
                       int step, int first_row_px, double pixel_pitch_m);
 

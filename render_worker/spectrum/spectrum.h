@@ -21,8 +21,8 @@ using Spectrum = std::array<float, kSpectralBins>;
 
 inline double BinCentre_m(int bin) { return kSpectrumStart_m + (bin + 0.5) * kBinWidth_m; }
 
-// Relative spectral power, share of every bin; sums to 1. INVALID_ARGUMENT names `context`:
-// unknown illuminant, temperature outside [500, 50 000] K, table outside the range, ...
+// Relative spectral power per bin; sums to 1. INVALID_ARGUMENT names `context`: unknown illuminant,
+// temperature outside [500, 50 000] K, table outside the range, ...
 absl::StatusOr<Spectrum> ParseSourceSpectrum(const v1::SourceSpectrum& message,
                                              const std::string& context);
 

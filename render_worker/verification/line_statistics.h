@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Statistics of a laser line in an image, as chapter 5 of the thesis measures them.
+// Statistics of a laser line in an image by the definitions of chapter 5 of the thesis.
 #pragma once
 
 #include <string>
@@ -36,19 +36,19 @@ struct LineScatter {
   double mean_row_px = 0;
   double u_px = 0;  // standard deviation of the row over the columns
 
-  // Too few columns say nothing about a line.
+  // True if enough columns show a line; fewer are uninformative.
   bool found() const { return found_fraction >= 0.5; }
 };
 
 // Detection as in thesis appendix A, at the scale of the nominal line's image. A line must exceed
-// the response to dark noise alone by six standard deviations. `frame` gives
-// the scale, the noise and the saturation; rows count from the image's first row.
+// the response to dark noise alone by six standard deviations. `frame` supplies the scale, the
+// noise and the saturation; rows count from the image's first row.
 absl::StatusOr<LineScatter> DetectLineScatter(const Image<uint16_t>& raw_dn,
                                               const ColourChannel& channel,
                                               const FrameSetup& frame);
 
-// Height for an uncertainty on the image, u p / (m tan(theta)) with m = b / d_c (eq. 5.9, which has
-// theta = 45 degrees and f for b).
+// Height that corresponds to an image uncertainty, u p / (m tan(theta)) with m = b / d_c (eq. 5.9,
+// which has theta = 45 degrees and f for b).
 double HeightUncertainty(double u_px, const FrameSetup& frame);
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Recordings next to their simulation, as chapter 5 of the thesis does it; nothing is fitted.
+// Compares recordings with their simulation as in chapter 5 of the thesis; nothing is fitted.
 #pragma once
 
 #include <cstdint>
@@ -16,12 +16,12 @@ struct VerificationSettings {
   int threads = 2;
 };
 
-// Simulates every laser recording of `set` from its nominal description with the full image chain
-// and compares per colour channel, each on its own pixels: mean profiles across the line, relative
-// intensity error e_i (thesis eq. 5.7), scatter of the detected line along the line u_px and u_h
-// (eq. 5.9), their relative error e_u (eq. 5.10). Where no line is detected the fields are unset
-// and a warning says so. The same set and seed give the same bytes for any number of threads.
-// FAILED_PRECONDITION: no laser recordings or no images; CANCELLED.
+// Simulates every laser recording of `set` from its nominal description with the full image chain.
+// Compares for each colour channel, on its own pixels: mean profiles across the line, relative
+// intensity error e_i (thesis eq. 5.7), standard deviation of the detected line along the line u_px
+// and u_h (eq. 5.9), and their relative error e_u (eq. 5.10). If no line is detected, the fields
+// are unset and a warning is added. The same set and seed give the same bytes for any number of
+// threads. FAILED_PRECONDITION: no laser recordings or no images; CANCELLED.
 absl::StatusOr<v1::Verification> Verify(const RecordedSet& set,
                                         const VerificationSettings& settings,
                                         const DiagnosisProgress& progress);
