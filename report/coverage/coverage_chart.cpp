@@ -12,7 +12,7 @@
 namespace sightline {
 namespace {
 
-// Labels of longer plans would cover the line.
+// Limit for labels: those of longer plans would cover the line.
 constexpr size_t kMostLabels = 25;
 
 }  // namespace

@@ -63,7 +63,7 @@ void AddVerdict(const DiagnosisView& view, v1::Report* report) {
   add(PlainRun(rest));
 }
 
-// Further lines of the finding: what the answer leaves, what unknown physics looks like.
+// Further lines of the finding: the remainder of the answer, and the appearance of unknown physics.
 void AddFurtherLines(const DiagnosisView& view, v1::Report* report) {
   const std::string& finding = view.diagnosis.finding();
   const size_t end = finding.find('\n');

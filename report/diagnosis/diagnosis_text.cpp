@@ -19,7 +19,7 @@ namespace sightline {
 std::string NameWords(const google::protobuf::RepeatedPtrField<std::string>& names) {
   std::vector<std::string> words;
   for (const std::string& name : names) {
-    // Names in words stay as they are.
+    // Names that are words stay unchanged.
     words.push_back(name.find(' ') == std::string::npos ? QuantityName(name) : name);
   }
   return absl::StrJoin(words, ", ");
@@ -43,7 +43,7 @@ std::string GainText(double nats) { return FixedNumber(nats, std::abs(nats) < 10
 
 namespace {
 
-// A whole exponent in raised digits, another one as "^0.52".
+// An integer exponent in superscript digits, others as "^0.52".
 std::string RaisedText(const std::string& exponent) {
   int whole = 0;
   if (!absl::SimpleAtoi(exponent, &whole)) {

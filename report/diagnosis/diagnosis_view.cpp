@@ -22,8 +22,8 @@ DiagnosisView::DiagnosisView(const v1::Diagnosis& of, const std::string& folder)
       if (recording.held_out()) held_out.insert(recording.recording());
     }
   }
-  // For parts, tiles of every recording are held out, none as a whole. For plates, every recording
-  // is held out in its turn.
+  // For parts, tiles of every recording are held out, but no whole recording. For plates, each
+  // recording is held out once.
   of_part = diagnosis.calibrated().format_version() == 2;
   if (of_part || static_cast<int>(held_out.size()) >= diagnosis.model_fit().recordings_size()) {
     held_out.clear();

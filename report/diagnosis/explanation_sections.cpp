@@ -34,7 +34,7 @@ std::string FittedText(const v1::FittedParameter& parameter) {
 
 v1::ReportCell GainCell(double nats) { return NumberCell(nats, GainText(nats)); }
 
-// The terms of every explanation's evidence, folded away; empty if none has them.
+// The terms of every explanation's evidence, in a folded block; empty if there are none.
 ReportBlocks EvidenceTerms(const v1::Diagnosis& diagnosis) {
   std::vector<ReportCells> rows;
   for (const v1::Explanation& explanation : diagnosis.ranked()) {
@@ -80,7 +80,7 @@ ReportCells ExplanationRow(const v1::Explanation& explanation) {
           TextCell(absl::StrJoin(parameters, "\n"), explanation.reason())};
 }
 
-// Effects that change these images alike.
+// Effects that cause the same change of these images.
 v1::ReportBlock SameClass(const v1::Diagnosis& diagnosis) {
   std::vector<v1::ReportRun> runs = {PlainRun("These recordings cannot tell "),
                                      StrongRun(ExplanationTitle(diagnosis.ranked(0))),

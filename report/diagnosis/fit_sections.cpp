@@ -33,7 +33,7 @@ void AddSeries(std::vector<v1::ReportSeries> all, v1::ReportChart* chart) {
   }
 }
 
-// A category at the end of the ordinate; its number.
+// Adds a category at the end of the ordinate and returns its number.
 int AddCategory(const std::string& name, const std::string& note, v1::ReportAxis* axis) {
   axis->add_categories(name);
   axis->add_category_notes(note);

@@ -16,15 +16,15 @@
 namespace sightline {
 namespace {
 
-// Pictures of the most telling recordings; more would hide the finding.
+// Number of pictures of the most informative recordings; more would hide the finding.
 constexpr int kMaxProfiles = 6;
 constexpr int kMaxRegionMaps = 4;
 
-// |z| from which on a deeper colour is used: 1 and 2 are chance, the others are not.
+// |z| above which a deeper colour is used: 1 and 2 may be chance, larger values are not.
 constexpr double kResidualLevels[] = {1, 2, 3, 5, 10, 20};
 
-// Halos, offsets and background are a few DN beside a line of hundreds: the residual tells
-// whether faint parts matter.
+// Halos, offsets and background are a few DN next to a line of hundreds: the residual shows if
+// faint features matter.
 bool NeedsLogarithm(const v1::ProfileComparison& profile) {
   const double peak = *std::max_element(profile.observed_dn().begin(), profile.observed_dn().end());
   double all = 0, faint = 0;
@@ -39,7 +39,7 @@ bool NeedsLogarithm(const v1::ProfileComparison& profile) {
   return peak > 0 && faint > 0.5 * all;
 }
 
-// Ordinate at which a logarithmic profile begins: rows of noise about 0 shall not take the
+// Lower end of a logarithmic profile, so that rows of noise around 0 do not dominate the
 // axis.
 double LogarithmicLow(const v1::ProfileComparison& profile) {
   double lowest = INFINITY;
@@ -67,7 +67,7 @@ v1::ReportBlock ProfileCard(const DiagnosisView& view, const v1::ProfileComparis
     signal.mutable_y()->set_low(LogarithmicLow(profile));
   } else if (const auto [first, last] = LineRange(rows, observed);
              std::isfinite(first) && first < last) {
-    // A line that itself differs is shown larger.
+    // Profiles whose line differs are shown larger.
     for (v1::ReportChart* chart : {&signal, &residual}) {
       chart->mutable_x()->set_low(first);
       chart->mutable_x()->set_high(last);

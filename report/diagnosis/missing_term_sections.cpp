@@ -39,8 +39,8 @@ v1::ReportBlock CoefficientTable(const v1::FreeFormTerm& term) {
                     {WordsColumn("coefficient"), NumberColumn("value")}, rows);
 }
 
-// The axis of a quantity in a unit that suits its numbers, and how many of it make one of the unit
-// in the name.
+// Axis of a quantity in a unit that suits its values, and the factor from the unit in its name to
+// that unit.
 double ScaledAxis(const std::string& name, const google::protobuf::RepeatedField<double>& numbers,
                   v1::ReportAxis* axis) {
   double largest = 0;
@@ -77,7 +77,7 @@ v1::ReportBlock FreeFormChart(const v1::FreeFormTerm& term) {
   return ChartBlock(std::move(chart));
 }
 
-// The gain where the stage's functions predict settings that they were not fitted to.
+// Gain at settings that the stage's functions predict without being fitted to them.
 v1::ReportCell TransferCell(const v1::StageEvidence& stage) {
   if (!stage.has_transfer_gain()) return TextCell("not asked");
   return NumberCell(stage.transfer_gain(), GainText(stage.transfer_gain()), "",
@@ -122,7 +122,7 @@ ReportBlocks StageBlocks(const DiagnosisView& view) {
 
 ReportBlocks LawBlocks(const DiagnosisView& view) {
   if (view.diagnosis.laws().empty()) return {};
-  // One entry that says that there is no dependence.
+  // A single entry stating that there is no dependence.
   if (view.diagnosis.laws_size() == 1 && view.diagnosis.laws(0).quantity() == "none") {
     return {TextBlock(LawText(view.diagnosis.laws(0).law()))};
   }

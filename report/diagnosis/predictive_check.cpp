@@ -12,7 +12,7 @@
 namespace sightline {
 namespace {
 
-// Below it a prediction is not believed to have failed by chance; the diagnosis asks for the same.
+// P-value below which a prediction counts as failed; the diagnosis uses the same limit.
 constexpr double kRejected = 0.01;
 
 v1::ReportCell GroupCell(const v1::PredictedGroup& group) {

@@ -22,7 +22,7 @@ constexpr std::array<uint8_t, 3> kNotMeasured = {128, 128, 128}, kPaper = {255, 
 
 struct AxisView {
   const char* name;
-  Eigen::Vector3f right, up, towards;  // the viewer
+  Eigen::Vector3f right, up, towards;  // of the viewer
 };
 
 const std::array<AxisView, 6>& AxisViews() {
@@ -69,7 +69,7 @@ class DotPicture {
   std::vector<uint8_t> values_;
 };
 
-// The targets that face the viewer, the farthest first.
+// The targets that face the viewer, farthest first.
 std::vector<uint32_t> TargetsSeen(const TargetSet& targets, const AxisView& view) {
   constexpr float kLeastCosine = 0.1f;
   std::vector<uint32_t> seen;

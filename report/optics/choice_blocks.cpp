@@ -21,14 +21,14 @@ using Combination = v1::DeviceCombination;
 using v1::OpticsPoint;
 
 constexpr char kUPx[] = "u\u209a\u2093";
-// A catalogue's combinations multiply; nobody reads more of them than these.
+// Limit for the table, since the combinations of a catalogue multiply.
 constexpr size_t kMaxCombinations = 200;
 
 std::string IntervalText(const std::string& name, bool known, const v1::OpticsInterval& interval) {
   return known ? QuantityInterval(name, interval.lower(), interval.upper()) : "";
 }
 
-// A value that is 0 because it is not known, or was not computed, is shown as a dash.
+// A value of 0 that is unknown or was not computed is shown as a dash.
 v1::ReportCell KnownCell(const std::string& name, double value) {
   return value == 0 ? TextCell(kNoValue) : QuantityCell(name, value);
 }
@@ -58,8 +58,8 @@ std::string ChoiceName(const Choice& choice) {
   return choice.scan() == 0 ? "all scans" : absl::StrCat("scan ", choice.scan());
 }
 
-// Properties of one f-number's setting that others may not have: two exposures, a tilt; the laser's
-// power only if it is not the same everywhere.
+// Properties of one f-number's setting that others may lack: two exposures, a tilt, and the laser's
+// power if it varies.
 std::string FurtherSettings(const OpticsCurve& curve, const OpticsPoint& point) {
   const v1::OpticalSetting setting = SettingOf(point);
   std::vector<std::string> words;
@@ -282,7 +282,7 @@ ReportBlocks AlternativeBlocks(const v1::OpticsPlan& optics, const OpticsPoint* 
 ReportBlocks ScanSettingBlocks(const v1::OpticsPlan& optics, const OpticsPoint* best) {
   if (optics.scans().empty()) return {};
   std::vector<ReportCells> rows;
-  // One setting for all comes first: a scan's own is compared with it.
+  // The common setting comes first, for comparison with the settings of single scans.
   if (best != nullptr) rows.push_back(SettingRow(optics.common(), best));
   for (const Choice& choice : optics.scans()) {
     rows.push_back(SettingRow(choice, choice.has_best() ? &choice.best() : nullptr));

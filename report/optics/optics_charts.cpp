@@ -28,7 +28,7 @@ Value WithInterval(double value, bool has_interval, const v1::OpticsInterval& in
   return {value, interval.lower(), interval.upper()};
 }
 
-// One of the quantities that are drawn over the f-number.
+// A quantity drawn over the f-number.
 struct ChartedQuantity {
   v1::ReportColour colour;
   double factor;  // from the field to what the axis says
@@ -64,8 +64,8 @@ std::string Note(const OpticsPoint& point) {
                       Achieved(point.cost(), UPx(point), point.profile_coverage()));
 }
 
-// A line through all points and a dot at each: filled where it is as good as the best. Only the
-// dots of the simulated quantities stand in the key, the line of others does.
+// A line through all points and a dot at each: filled if it is as good as the best. Dots of
+// simulated quantities have an entry in the key; others have their line in it.
 void AddQuantity(const OpticsCurve& curve, const ChartedQuantity& quantity, const std::string& name,
                  v1::ReportChart* chart) {
   const bool in_key = name.empty();
@@ -102,7 +102,7 @@ void MarkBest(const OpticsCurve& curve, const ChartedQuantity& quantity, v1::Rep
       curve.best->f_number(), quantity.factor * quantity.of(*curve.best).value, Note(*curve.best));
 }
 
-// Times of one chart share one unit, that of the middle of their logarithmic axis.
+// All times of a chart share the unit that suits the middle of their logarithmic axis.
 ShownUnit TimeUnit(double shortest, double longest) {
   return ShownUnitOf("exposure_time_s", shortest > 0 && std::isfinite(longest)
                                             ? std::sqrt(shortest) * std::sqrt(longest)
@@ -117,7 +117,7 @@ struct Extent {
     low = std::min(low, value);
     high = std::max(high, value);
   }
-  // A limit far beside the data would only make the chart small.
+  // A limit far from the data would only compress the chart.
   bool IsNear(double value) const { return value >= low / 2 && value <= 2 * high; }
 };
 
@@ -126,7 +126,7 @@ std::string LimitName(double longest_exposure_time_s) {
                       SettingText("exposure_time_s", longest_exposure_time_s));
 }
 
-// So many of `count` things, evenly spread and with `wanted` among them (npos: none).
+// Indices of up to this many of `count` things, evenly spread and including `wanted` (npos: none).
 std::vector<size_t> Spread(size_t count, size_t most, size_t wanted) {
   std::vector<size_t> chosen;
   for (size_t i = 0; i < std::min(count, most); ++i) {
@@ -142,7 +142,7 @@ std::vector<size_t> Spread(size_t count, size_t most, size_t wanted) {
   return chosen;
 }
 
-// Cost, exposure time, scatter and coverage over the f-number, in this order.
+// Cost, exposure time, standard deviation and coverage over the f-number, in this order.
 ReportBlocks QuantityCharts(const OpticsCurve& curve, const v1::ReportAxis& f_numbers,
                             const Extent& times) {
   const auto chart_of = [&](const char* title, const v1::ReportAxis& y) {
@@ -189,7 +189,7 @@ ReportBlocks QuantityCharts(const OpticsCurve& curve, const v1::ReportAxis& f_nu
           finish({model, 100, Coverage}, std::move(coverage))};
 }
 
-// Costs over exposure times with one f-number. A search does not ask in order.
+// Costs over exposure times for one f-number, sorted since a search evaluates them out of order.
 v1::ReportSeries CostsOverTime(const OpticsPoint& point, const ShownUnit& unit) {
   std::vector<const Exposure*> exposures;
   for (const Exposure& exposure : point.exposures()) exposures.push_back(&exposure);
@@ -266,7 +266,7 @@ ReportBlocks ExposureBlocks(const OpticsCurve& curve) {
     const size_t hue = drawn.size() == 1 ? 1 : line * (kMaxLines - 1) / (drawn.size() - 1);
     v1::ReportSeries& costs = *chart.add_series();
     costs = CostsOverTime(point, unit);
-    // Neighbours among many colours are told apart by the dashes.
+    // Dashes distinguish neighbours among many colours.
     if (drawn.size() > 6 && line % 2 == 1) costs.set_mark(v1::ReportSeries::DASHED_LINE);
     costs.set_hue(static_cast<int32_t>(hue));
     dots.push_back(LeastCost(point, unit));

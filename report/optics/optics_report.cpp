@@ -70,7 +70,7 @@ void AddOpticsFigures(const v1::OpticsPlan& optics, const v1::OpticsPoint& best,
 ReportBlocks FNumberSection(const OpticsCurve& curve, const v1::OpticsChoice& common) {
   ReportBlocks blocks = FNumberBlocks(curve);
   const std::string& reason = common.longest_because();
-  // Without a reason in words the charts' key says enough.
+  // Without a stated reason the charts' key is sufficient.
   if (blocks.empty() || common.longest_exposure_time_s() == 0 || reason.empty()) return blocks;
   blocks.push_back(RemarkBlock(absl::StrCat("Longest exposure time possible, ",
                                             SettingText("time_s", common.longest_exposure_time_s()),
@@ -78,7 +78,7 @@ ReportBlocks FNumberSection(const OpticsCurve& curve, const v1::OpticsChoice& co
   return blocks;
 }
 
-// How the errors of a verification change what is expected of the real camera.
+// Effect of a verification's errors on the expectation for the real camera.
 ReportBlocks CorrectionBlocks(const v1::UncertaintyCorrection& correction) {
   std::vector<ReportCells> rows;
   const auto error = [](double relative) {

@@ -34,7 +34,7 @@ std::string PowerOfTen(int exponent) {
   return text;
 }
 
-// Unit to print, and how many of it make the unit in the name.
+// Unit to print, and the factor from the unit in the name to it.
 struct Unit {
   double per_named = 1;
   std::string text;  // with the space before it
@@ -62,7 +62,7 @@ struct Suffix {
   const char* text;
 };
 
-// Longer ones first where one is the end of another.
+// A suffix that ends in another one comes first.
 constexpr Suffix kSuffixes[] = {
     {"_electrons2_per_s", UnitKind::kPlain, 1, "\u202f(e\u207b)\u00b2/s"},
     {"_electrons2", UnitKind::kPlain, 1, "\u202f(e\u207b)\u00b2"},
@@ -124,7 +124,7 @@ Unit UnitOf(const std::string& name, double value) {
   return {};
 }
 
-// Words of names that are not written as they stand.
+// Words of names with a text of their own.
 std::string Words(const std::string& name) {
   static const std::vector<std::pair<std::string, std::string>> kSpelling = {
       {"prnu", "PRNU"},
@@ -147,7 +147,7 @@ std::string Words(const std::string& name) {
   return absl::StrReplaceAll(absl::StrJoin(words, " "), {{"f number", "f-number"}});
 }
 
-// Places after the point that show two digits of the standard error.
+// Number of decimals that show two digits of the standard error.
 int DecimalsFor(double standard_error) {
   const int decimals = 1 - static_cast<int>(std::floor(std::log10(standard_error)));
   return std::clamp(decimals, 0, 9);
@@ -169,7 +169,7 @@ std::string Number(double value, int significant) {
     return absl::StrCat(mantissa == "1" ? "" : absl::StrCat(WithMinusSign(mantissa), "\u00b7"),
                         PowerOfTen(exponent));
   }
-  // Digits before the point are all written: 12345 is not 1.23e4 to a reader.
+  // All digits before the point are written: 12345, not 1.23e4.
   return WithMinusSign(absl::StrFormat("%.*f", std::max(0, significant - 1 - exponent), rounded));
 }
 
@@ -206,7 +206,7 @@ std::string PValueText(double p_value) {
 
 std::string QuantityName(const std::string& name) {
   const Suffix* suffix = FindSuffix(name);
-  // "fraction" and "electrons" say what it is, where a unit only says how it is counted.
+  // "fraction" and "electrons" name the quantity itself, unlike a unit.
   if (suffix != nullptr && !absl::EndsWith(name, "_fraction")) {
     return Words(name.substr(0, name.size() - std::string(suffix->suffix).size()));
   }

@@ -22,7 +22,7 @@ namespace {
 static_assert(std::endian::native == std::endian::little,
               "floats are written as they are in memory");
 
-// Larger obstacles are left out: the page is to open quickly.
+// Limit for obstacles, so that the page opens quickly; larger ones are left out.
 constexpr size_t kMaxObstacleTriangles = 200000;
 // Lengths are coded as 16-bit steps of equal ratio from 1 nm to 1 m (0.03 % each).
 constexpr double kLowestM = 1e-9, kHighestM = 1;
@@ -90,8 +90,8 @@ v1::SceneLengths Lengths(const std::vector<T>& lengths_m) {
   return lengths;
 }
 
-// Vertices in the order in which triangles need them, so that neighbours in the lists are
-// neighbours on the surface.
+// Vertices in the order of their use by triangles, so that neighbours in the lists are neighbours
+// on the surface.
 v1::SceneMesh Mesh(const DisplayMesh& mesh, const Quantiser& quantiser) {
   const size_t vertices = mesh.positions_m.size();
   std::vector<uint32_t> corners;
@@ -108,7 +108,7 @@ v1::SceneMesh Mesh(const DisplayMesh& mesh, const Quantiser& quantiser) {
   std::vector<uint32_t> nearest_target(mesh.nearest_target.empty() ? 0 : used);
   for (size_t v = 0; v < vertices; ++v) {
     const size_t at = place_of[v];
-    if (at >= used) continue;  // no triangle has it
+    if (at >= used) continue;  // no triangle uses it
     positions_m[at] = mesh.positions_m[v];
     for (int axis = 0; axis < 3; ++axis) {
       normals[3 * at + static_cast<size_t>(axis)] = static_cast<uint8_t>(
@@ -198,8 +198,8 @@ v1::SceneScan Scan(const ReportData& data, int i) {
   return shown;
 }
 
-// Pose x_part = M x_frame with the stage at its start. The frame of the stage has its origin where
-// the part's centre is, that of the table below it.
+// Pose x_part = M x_frame with the stage at its start. The stage's frame has its origin at the
+// part's centre, the table's frame below it.
 Eigen::Matrix4d FramePose(v1::Obstacle::Frame frame, const v1::PlannedScan& scan) {
   Eigen::Matrix4d world_from_part;
   for (int i = 0; i < 16; ++i) world_from_part(i / 4, i % 4) = scan.part_pose().matrix(i);

@@ -42,7 +42,7 @@ std::vector<float> Channel(const RawPng& raw, bool bayer, int channel) {
 }  // namespace
 
 absl::StatusOr<std::string> PreviewPng(const RawPng& raw, bool bayer) {
-  // No cell of four: nothing to tell colours from.
+  // Smaller than a colour cell of 2 x 2 pixels: there is no colour information.
   bayer = bayer && raw.columns_px >= 2 && raw.rows_px >= 2;
   const int channels = bayer ? 3 : 1;
   std::vector<std::vector<float>> light;  // above black
@@ -58,7 +58,7 @@ absl::StatusOr<std::string> PreviewPng(const RawPng& raw, bool bayer) {
   }
   double white = 0;
   for (int c = 0; c < channels; ++c) {
-    // Without ambient light there is nothing to balance by.
+    // Without ambient light the channels cannot be balanced.
     const bool balanced = channels == 3 && median[static_cast<size_t>(c)] >= 2 && median[1] >= 2;
     const double gain = balanced ? std::clamp(median[1] / median[static_cast<size_t>(c)],
                                               1 / kMostBalance, kMostBalance)

@@ -20,7 +20,7 @@ void Append(png_structp png, png_bytep bytes, png_size_t count) {
 
 void Flush(png_structp) {}
 
-// libpng leaves by longjmp on errors: nothing with a destructor may live here.
+// libpng exits by longjmp on errors, so no object with a destructor may be alive here.
 bool Write(png_structp png, png_infop info, const uint8_t* values, png_uint_32 columns,
            png_uint_32 rows, bool colour, const char* description, std::string* file) {
   if (setjmp(png_jmpbuf(png))) return false;

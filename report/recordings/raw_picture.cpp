@@ -30,7 +30,7 @@ std::string RawPicturePng(const std::string& folder, const std::string& file) {
   if (!raw.ok()) return "";
   const auto columns = static_cast<uint32_t>(raw->columns_px);
   const auto rows = static_cast<uint32_t>(raw->rows_px);
-  // Means of square blocks, so that a thin line does not vanish.
+  // Averages square blocks, so that a thin line stays visible.
   const uint32_t block = (columns + kMaxColumns - 1) / kMaxColumns;
   const uint32_t shown_columns = columns / block, shown_rows = std::max(1u, rows / block);
   std::vector<float> means(static_cast<size_t>(shown_columns) * shown_rows);

@@ -14,7 +14,7 @@ std::string RecordingSetup(const v1::Recording& recording) {
   std::vector<std::string> words;
   if (recording.kind() == "dark" || recording.kind() == "ambient")
     words.push_back(recording.kind());
-  // Behind the shutter the lens does not matter.
+  // With a closed shutter the lens does not matter.
   const bool has_light = recording.kind() != "dark";
   if (has_light && recording.has_f_number()) {
     words.push_back(absl::StrCat("f/", ShortNumber(recording.f_number())));

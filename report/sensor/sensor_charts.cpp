@@ -87,9 +87,9 @@ void AddResiduals(const SensorView& view, const PointValue& linear, const PointV
                     view.points, &Point::mean_dn, model);
 }
 
-// Close to no signal a part of a DN is many per cent; it shall not take the axis. The ordinate is
-// that of the signals of at least 5 % of the largest (EMVA 1288 judges linearity from there on).
-// Whether others lie outside.
+// Close to zero signal, a fraction of a DN is many per cent and must not dominate the axis. The
+// ordinate covers the signals of at least 5 % of the largest (EMVA 1288 evaluates linearity above
+// that). True if other points lie outside.
 bool KeepAxis(const SensorView& view, const PointValue& linear, const PointValue& model,
               v1::ReportAxis* axis) {
   if (view.points.empty()) return false;
@@ -124,7 +124,7 @@ v1::ReportBlock LinearityChart(const SensorView& view) {
                                      cut ? " Points beyond the axis are drawn at its end." : ""));
   AddLineAtY(0, &chart);
   AddResiduals(view, linear, model, &chart);
-  // The error is the same for both models; it is shown about the one that counts.
+  // Both models have the same error; it is shown for the relevant one.
   std::vector<double> half_widths;
   for (const Point* point : view.points) {
     const double expected = view.has_model ? point->model_mean_dn() : point->linear_mean_dn();

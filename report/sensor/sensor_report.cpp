@@ -20,7 +20,7 @@
 namespace sightline {
 namespace {
 
-// Titles of a camera file's numbers, where words say more than the name.
+// Titles of a camera file's values whose names are not clear enough.
 std::string SensorQuantityTitle(const std::string& name) {
   static const std::map<std::string, std::string> kTitles = {
       {"gain_dn_per_electron", "Overall system gain"},
@@ -40,7 +40,7 @@ std::string WithUnit(const std::string& number, const std::string& unit) {
   return unit.empty() ? number : absl::StrCat(number, "\u202f", unit);
 }
 
-// The number with the digits that its interval leaves it.
+// The number with as many digits as its interval justifies.
 std::string NumberOfInterval(double value, double lower, double upper) {
   const double error = 0.25 * (upper - lower);
   if (!(error > 0) || !std::isfinite(error) || !std::isfinite(value) || value == 0) {
@@ -52,7 +52,7 @@ std::string NumberOfInterval(double value, double lower, double upper) {
 
 std::string SensorParameterText(const v1::SensorParameter& parameter) {
   const SensorUnit unit = SensorUnitOf(parameter.name(), parameter.unit());
-  // Without a name no unit is added: the message says it.
+  // Without a name no unit is added: the message contains it.
   return WithUnit(QuantityWithError("", unit.per_named * parameter.value(),
                                     unit.per_named * parameter.standard_error()),
                   unit.name);

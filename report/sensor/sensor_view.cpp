@@ -19,7 +19,7 @@ SensorView::SensorView(const v1::SensorDiagnosis& of) : diagnosis(of) {
   for (const v1::PhotonTransferPoint& point : diagnosis.photon_transfer()) {
     (point.saturated() ? saturated : points).push_back(&point);
   }
-  // Lines go from left to right. A signal that is no number has no place.
+  // Lines go from left to right. A signal that is not finite has no position.
   std::erase_if(points, [](const auto* point) { return !std::isfinite(point->mean_dn()); });
   std::stable_sort(points.begin(), points.end(),
                    [](const auto* a, const auto* b) { return a->mean_dn() < b->mean_dn(); });

@@ -11,7 +11,7 @@
 namespace sightline {
 namespace {
 
-// Medians over the targets of a region that are known well enough.
+// Medians over the targets of a region with admissible uncertainty.
 struct Usual {
   double points = 0, point_variance_m2 = 0, admissible_m = 0;
 };
@@ -33,7 +33,7 @@ Usual UsualOf(const TargetUncertainties& u, std::span<const int32_t> points,
           UpperMedian(std::move(admissible))};
 }
 
-// The reason why the noise is larger than usual.
+// The reason for larger noise than usual.
 v1::UncertaintyLimit LimitOfNoise(const TargetUncertainties& u, std::span<const int32_t> points,
                                   size_t t, const Usual& usual) {
   const double fewer = usual.points / std::max(1, points[t]);

@@ -40,7 +40,7 @@ size_t XmlCharacter(absl::string_view text) {
   return allowed ? length : 0;
 }
 
-// Safe as text and in quoted attributes; what XML cannot hold becomes U+FFFD.
+// Safe as text and in quoted attributes; characters that XML cannot contain become U+FFFD.
 std::string Escape(absl::string_view text) {
   std::string escaped;
   for (size_t i = 0; i < text.size();) {
@@ -63,7 +63,7 @@ std::string Escape(absl::string_view text) {
       case '"':
         escaped += "&quot;";
         break;
-      // Attributes would be read with spaces instead.
+      // In attributes they would be read as spaces.
       case '\t':
       case '\n':
       case '\r':
@@ -89,7 +89,7 @@ std::string Decimal(double value) {
 // Lengths [mm] below this magnitude are written. With 12 digits after the point they have at most
 // 21 digits; XML Schema processors need not take more than 18, and xmllint takes 24.
 constexpr double kLargestLength_mm = 1e9;
-// Narrower zones would be written as 0.
+// Zones narrower than this would be written as 0.
 constexpr double kNarrowestZone_mm = 1e-9;
 
 // In millimetres, without the dust of the multiplication: 12 digits.
@@ -160,7 +160,7 @@ class XmlWriter {
     Indent();
     absl::StrAppend(&text_, "<", name, attributes.empty() ? "" : " ", attributes, "/>\n");
   }
-  // Whole elements that another writer made.
+  // Copies whole elements made by another writer.
   void Append(absl::string_view elements) {
     for (absl::string_view rest = elements; !rest.empty();) {
       const size_t end = rest.find('\n') + 1;
@@ -368,8 +368,8 @@ void WriteNominal(const Characteristic& c, XmlWriter& xml) {
   xml.OpenWithId(c.kind.name + "CharacteristicNominal", c.nominal);
   xml.Leaf("CharacteristicDefinitionId", c.definition);
   if (c.kind.form == Form::kLimits) {
-    // If deviations are written because there are no limits, there is no nominal value; 0 would be
-    // a lie, but deviations need one to be read.
+    // Deviations without limits have no nominal value. Writing 0 would be wrong, but readers
+    // require a nominal value with deviations.
     if (c.tolerance != nullptr && IsWritable(c.tolerance->nominal_m))
       xml.Leaf("TargetValue", MillimetreText(*c.tolerance->nominal_m));
     if (c.kind.name == "DistanceBetween") xml.Leaf("AnalysisMode", "THREEDIMENSIONAL");

@@ -76,7 +76,7 @@ v1::ReportCell VerdictCell(const v1::FeatureVerdict& feature) {
     cell.set_text("not evaluated");
     cell.clear_state();
   }
-  // The state is not said twice.
+  // Removes the state, which the table already shows.
   std::string because = feature.because();
   for (const char* prefix : {"can be proven: ", "cannot be proven: ", "not evaluated: "}) {
     if (because.starts_with(prefix)) because.erase(0, std::char_traits<char>::length(prefix));
@@ -85,7 +85,7 @@ v1::ReportCell VerdictCell(const v1::FeatureVerdict& feature) {
   return cell;
 }
 
-// Not evaluated, then what cannot be proven, then what can; each by falling excess of u.
+// Order: not evaluated, then unprovable, then provable; each by falling ratio of u.
 int OrderOfVerdict(const v1::FeatureVerdict& feature) {
   if (feature.verdict() == v1::FeatureVerdict::NOT_EVALUATED) return 0;
   return feature.can_be_proven() ? 2 : 1;

@@ -19,7 +19,7 @@ using Verified = v1::RecordingVerification;
 
 constexpr double kUnset = std::numeric_limits<double>::quiet_NaN();
 
-// A channel of another name is drawn like mono.
+// Channels with other names are drawn like mono.
 v1::ReportColour ChannelColour(const std::string& channel) {
   if (channel == "red") return v1::REPORT_COLOUR_RED;
   if (channel == "green") return v1::REPORT_COLOUR_GREEN;
@@ -36,7 +36,7 @@ struct VerifiedQuantity {
   const char* axis;
   const char* unit;
   double (*recorded)(const Channel&);
-  double (*simulated)(const Channel&);  // nullptr: it is an error, there is one value only
+  double (*simulated)(const Channel&);  // nullptr: an error, which has only one value
 };
 
 const VerifiedQuantity kVerifiedQuantities[] = {
@@ -173,7 +173,7 @@ v1::ReportChart ProfileChart(const Verified& recording) {
     const auto add = [&](const auto& values, const char* what, v1::ReportSeries::Mark mark) {
       if (values.empty()) return;
       const std::vector<double> signal(values.begin(), values.end());
-      // Faint channels are noise beside the line.
+      // Faint channels would only add noise next to the line.
       const double peak_dn = *std::max_element(signal.begin(), signal.end());
       const auto [first, last] = LineRange(rows, signal);
       if (peak_dn > brightest_dn && std::isfinite(first) && first < last) {

@@ -140,7 +140,7 @@ v1::ReportBlock Histogram(std::span<const ReportDeviation> deviations) {
   return ChartBlock(chart);
 }
 
-// Deviations that are not significant are drawn as none.
+// Insignificant deviations are drawn as zero.
 absl::StatusOr<ReportBlocks> Views(std::span<const ReportDeviation> deviations) {
   TargetSet targets;
   SurfaceDeviations surface;

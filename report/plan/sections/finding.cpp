@@ -16,7 +16,7 @@
 namespace sightline {
 namespace {
 
-// The share of the surface that can be measured, and why not more.
+// The measurable fraction of the surface, and why it is not larger.
 std::string MeasurableShare(const v1::PlanCoverage& coverage) {
   if (coverage.targets() <= 0) return "";
   const auto share = [&](int64_t targets) {

@@ -25,7 +25,7 @@ std::string Note(const v1::ParetoFront& front, const v1::ParetoPoint& point) {
   return absl::StrCat(note, FixedNumber(100 * point.settled(), 2), " %");
 }
 
-// Most satisfied within so many seconds, as a stair.
+// Largest satisfied fraction within a number of seconds, as a step curve.
 v1::ReportSeries Stair(const v1::ParetoFront& front) {
   std::vector<int> order(static_cast<size_t>(front.points_size()));
   std::iota(order.begin(), order.end(), 0);

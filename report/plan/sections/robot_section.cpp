@@ -11,8 +11,8 @@
 namespace sightline {
 namespace {
 
-// Degrees or millimetres: the position at the start, and where the scan moves the joint by what the
-// table shows, "to" the one at the end.
+// Degrees or millimetres: the position at the start and, if it visibly changes during the scan,
+// "to" the position at the end.
 v1::ReportCell JointCell(const v1::RobotScan& scan, int joint, bool rotary) {
   if (joint >= scan.start_position_size() || joint >= scan.end_position_size()) {
     return TextCell(kNoValue);

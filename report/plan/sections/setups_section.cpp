@@ -12,7 +12,7 @@
 namespace sightline {
 namespace {
 
-// Nothing where the costs give no times.
+// Empty if the costs give no times.
 ReportBlocks SetupTable(const v1::Plan& plan) {
   if (plan.setups().empty() || plan.cost().unit_costs()) return {};
   std::vector<ReportCells> rows;
@@ -40,7 +40,7 @@ ReportBlocks SetupTable(const v1::Plan& plan) {
                      rows)};
 }
 
-// Faces that the part would stand on and that the plan does not use.
+// Possible resting faces that the plan does not use.
 ReportBlocks ExcludedFaces(const v1::Plan& plan) {
   std::vector<std::vector<v1::ReportRun>> items;
   for (const v1::ExcludedFace& excluded : plan.excluded_faces()) {

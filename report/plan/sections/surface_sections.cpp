@@ -16,7 +16,7 @@
 namespace sightline {
 namespace {
 
-// The targets that are not measurable in words, if there are any.
+// A sentence on unmeasurable targets, if there are any.
 std::string UnmeasurableWords(const ReportData& data) {
   const int64_t others = data.plan.coverage().targets() - data.plan.coverage().measurable_targets();
   if (others == 0) return "";

@@ -18,8 +18,8 @@ using Triangle = std::array<uint32_t, 3>;
 
 constexpr double kCreaseCosine = 0.76604444311897804;  // 40 degrees
 
-// Weight of normals against positions when looking for the nearest target, in spacings: two normals
-// 30 degrees apart count like one spacing.
+// Weight of normals relative to positions in the search for the nearest target, in spacings:
+// normals 30 degrees apart count like one spacing.
 constexpr float kNormalSpacings = 2.0f;
 
 uint64_t EdgeKey(uint32_t a, uint32_t b) {
@@ -42,7 +42,7 @@ TriangleMesh Simplify(const TriangleMesh& mesh, size_t max_triangles) {
   return result;
 }
 
-// One round of splitting; false if nothing was long. Whether an edge is split depends on its end
+// One round of splitting; false if no edge was too long. Splitting an edge depends on its end
 // points only, so both its triangles agree.
 bool SplitOnce(TriangleMesh* mesh, float max_edge_squared) {
   std::unordered_map<uint64_t, uint32_t> midpoints;
@@ -133,8 +133,8 @@ std::vector<std::array<Eigen::Vector3f, 2>> FeatureEdges(const TriangleMesh& mes
   return features;
 }
 
-// Per corner the area-weighted mean normal of the triangles around its vertex that are not beyond a
-// crease; corners with the same result share a vertex.
+// For each corner, the area-weighted mean normal of the triangles around its vertex that are not
+// beyond a crease. Corners with the same result share a vertex.
 void SplitAtCreases(const TriangleMesh& mesh, DisplayMesh* display) {
   const size_t triangle_count = mesh.triangles.size();
   std::vector<Eigen::Vector3d> normals(triangle_count);
@@ -228,7 +228,7 @@ DisplayMesh MakeDisplayMesh(const TriangleMesh& mesh, const TargetSet& targets, 
   display.feature_edges_m = FeatureEdges(coarse);
 
   // As fine as the targets if the budget allows, else coarser. Equilateral triangles of that edge
-  // length would need area / (sqrt(3)/4 edge^2) triangles: nothing finer can fit.
+  // length need area / (sqrt(3)/4 edge^2) triangles; nothing finer fits the budget.
   double area_m2 = 0;
   for (size_t t = 0; t < coarse.triangles.size(); ++t) area_m2 += coarse.Area(t);
   const double diagonal_m = coarse.BoundingBox().diagonal().norm();

@@ -59,7 +59,7 @@ std::vector<v1::UncoveredCount> JoinMeasurable(std::span<const v1::UncoveredCoun
       return other.reason() == count.reason() && other.obstacle() == count.obstacle();
     });
     if (same != joined.end()) {
-      // The time of the larger part; that of the other, where the larger has none.
+      // The exposure time of the larger group, or of the other one if that has none.
       if (count.has_exposure_time_s() &&
           (!same->has_exposure_time_s() || count.targets() > same->targets())) {
         same->set_exposure_time_s(count.exposure_time_s());
