@@ -29,13 +29,13 @@ namespace fs = std::filesystem;
 
 constexpr char kMeshFile[] = "artefact.stl";
 constexpr int kMargin_px = 24;
-// Widest crop of a plate, on which all columns are alike.
+// Widest crop around a plate, whose columns are all alike.
 constexpr int kPlateColumns_px = 640;
-// A detected point farther from the true line is another line.
+// A detected point farther than this from the true line belongs to another line.
 constexpr double kReach_px = 9;
 constexpr double kWantedOfRange = 0.7;
 
-// The part of the image about its middle that is rendered.
+// The rendered region around the middle of the image.
 struct Crop {
   int columns_px = 0, rows_px = 0;
   int first_column = 0, first_row = 0;  // in the whole image
@@ -80,7 +80,7 @@ v1::RenderSpec SpecOf(const ArtefactImaging& imaging, const Crop& crop) {
 void AddFrame(const ArtefactImaging& imaging, const ArtefactMesh& mesh, double stage_m,
               double exposure_time_s, v1::RenderSpec* spec) {
   v1::PartFrame* frame = spec->mutable_part()->add_frames();
-  // The renderer puts the middle of the mesh's box where the offsets say.
+  // The renderer puts the middle of the mesh's box at the offsets.
   const Eigen::Vector3d middle_m = mesh.box_m.center();
   Measurement measurement = imaging.place;
   measurement.offset_y_m = middle_m.y();
@@ -154,7 +154,7 @@ LaserLineOptions DetectionOf(const Inspection& inspection, double ridge_sigma_px
   const LineDetector& detector = inspection.optics->detector;
   LaserLineOptions options;
   options.ridge_sigma_px = detector.ridge_sigma_px.value_or(std::clamp(ridge_sigma_px, 0.7, 20.0));
-  // As the choice of the optics has it: six standard deviations of what dark noise scores.
+  // As in the choice of the optics: six standard deviations of the response to dark noise.
   const double noise_dn =
       std::hypot(sensor.gain_dn_per_electron * sensor.dark_noise_electrons, std::sqrt(1 / 12.0));
   options.min_ridge_score_dn =
@@ -164,8 +164,8 @@ LaserLineOptions DetectionOf(const Inspection& inspection, double ridge_sigma_px
   return options;
 }
 
-// The line of one plane, in pixels of the crop. The scale of the ridge filter follows the width of
-// the line, which a first detection measures.
+// Detects the line of one plane, in pixels of the crop. A first detection measures the width of the
+// line, which sets the scale of the ridge filter.
 absl::StatusOr<std::vector<LinePoint>> LineOf(const Image<uint16_t>& raw, const ChannelPlane& plane,
                                               const Inspection& inspection) {
   const Image<float> values = ValuesOf(raw, plane);
@@ -208,7 +208,7 @@ std::map<int, std::vector<const ArtefactPoint*>> PointsOf(const ArtefactScan& sc
   return points;
 }
 
-// Deviations of the line that is detected in one image of a crop.
+// Deviations of the detected line in one image of a crop.
 struct SeenLine {
   LineDeviations::Realisation line;
   int visible = 0, found = 0;  // points in columns of the laser's channel; those that are detected
@@ -270,7 +270,7 @@ absl::StatusOr<double> ExposureOf(const RenderClientOptions& client, const Artef
     }
     if (peaks_dn.size() < 16) continue;
     const double bright_dn = LowerQuantile(peaks_dn, 0.95);
-    // The longest exposure whose line is not clipped tells most.
+    // The longest exposure without clipping is the most informative.
     if (bright_dn < 0.9 * range_dn) best_s = times_s[i] * kWantedOfRange * range_dn / bright_dn;
   }
   if (!(best_s > 0)) {
@@ -299,7 +299,7 @@ absl::StatusOr<RenderedLine> RenderLine(const RenderClientOptions& client,
 
   RenderedLine line{LineDeviations({}, false), 0, {}, 0};
   const std::vector<ChannelPlane> planes = PlanesOf(imaging.inspection, crop);
-  // Without speckle the image is the mean one, up to the little noise of the sensor.
+  // Without speckle, the image equals the mean image except for a little sensor noise.
   v1::RenderSpec mean_spec = spec;
   mean_spec.mutable_part()->mutable_inspection()->mutable_render()->set_speckle(false);
   SIGHTLINE_ASSIGN_OR_RETURN(

@@ -21,7 +21,7 @@ namespace {
 
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kBin_rad = 10 * kDegree;
-// Samples that a bin of incidence needs for a standard deviation within about 10 %.
+// Samples per bin of incidence for a standard deviation within about 10 %.
 constexpr int64_t kLeastOfBin = 50;
 constexpr char kUnpredictedShift[] = "systematic error of line detection that is not predicted";
 
@@ -52,7 +52,7 @@ struct Moments {
   }
 };
 
-// Errors of line detection at like incidence.
+// Errors of line detection at similar incidence.
 struct Bin {
   Moments systematic, random;
 };
@@ -90,7 +90,7 @@ double PredictedDetection(const ArtefactScan& sphere, const UncertaintyModel& mo
   return sphere.points.empty() ? 0 : std::sqrt(squares / static_cast<double>(sphere.points.size()));
 }
 
-// Ball bars have the spheres' deviations, bores of a pattern those of the ring.
+// Ball bars use the deviations of the spheres, hole patterns those of the ring.
 ArtefactKind RenderedFor(ArtefactKind kind) {
   if (kind == ArtefactKind::kBallBar) return ArtefactKind::kSphere;
   return kind == ArtefactKind::kHolePattern ? ArtefactKind::kRing : kind;
@@ -101,7 +101,7 @@ const RenderedLine* LineFor(const std::map<ArtefactKind, RenderedLine>& lines, A
   return found == lines.end() ? nullptr : &found->second;
 }
 
-// The points that a test measures: of rendered lines, those that are detected.
+// The measured points of a test: for rendered lines, the detected ones.
 ArtefactScan ScanOf(const Rig& rig, const ScanGeometry& geometry, const Artefact& artefact,
                     SightLimits limits, const RenderedLine* line) {
   if (line == nullptr) return ScanArtefact(rig, geometry, artefact, limits);
@@ -292,8 +292,8 @@ absl::StatusOr<v1::AcceptanceResult> RunAcceptance(const AcceptanceTask& task,
   }
   for (const Artefact& artefact : choice.artefacts) {
     const RenderedLine* line = LineFor(lines, artefact.kind);
-    // At equal incidence of the camera that of the laser differs between artefacts, and with it the
-    // width of the line in the image, which speckle errors grow with.
+    // At equal incidence of the camera, that of the laser differs between artefacts. So does the
+    // width of the line in the image, and speckle errors grow with it.
     if (!task.detection_stated && line != nullptr) {
       const ByIncidence own = Binned({line});
       if (!own.empty()) model.detection = NoiseOf(own);

@@ -20,21 +20,21 @@ namespace {
 
 constexpr double kCornerOutlier = 3, kLineOutlier = 4, kPoseOutlier = 5;
 constexpr double kWrongPoses_m = 0.02;
-// A scale of the squares that differs from 1 by this many standard errors and this fraction is
-// said.
+// A scale of the squares is reported if it differs from 1 by this many standard errors and by this
+// fraction.
 constexpr double kScaleSigmas = 3, kLeastScale = 0.002;
 // chi^2 of three terms that chance exceeds once in a thousand sets.
 constexpr double kBentChiSquare = 16.27;
-// A bent target is believed if it predicts frames that are left out with this part of the error.
+// A bent target is accepted if its prediction error of left-out frames is below this fraction.
 constexpr double kBetterPrediction = 0.9;
-// A reference plane with which the line is off the target by this many times is of another set-up.
+// If the line is off the target by this factor with a reference plane, that is of another set-up.
 constexpr double kOtherReference = 5;
-// Light is measured from this distance from the line on: nearer, it is the line itself.
+// Light is measured beyond this distance from the line; closer pixels belong to the line itself.
 constexpr double kBesideLine_m = 0.002;
-// A principal point farther from the image's middle than this part of its size is unusual.
+// A principal point farther from the image's middle than this fraction of its size is unusual.
 constexpr double kOffCentre = 0.1;
 
-// Frames still in use, each with its number in the result.
+// Frames in use, each with its number in the result.
 struct UsedFrames {
   std::vector<CalibrationFrame> frames;
   std::vector<size_t> numbers;
@@ -67,7 +67,7 @@ CameraPrior EstimatedCamera(const FoundTargets& found) {
           .standard_deviation = {kOpen, kOpen, kOpen, kOpen, 1, 1, 1, 1, 0}};
 }
 
-// Root mean square of all corners about their projections with this camera [px].
+// Root mean square of the corners' residuals with this camera [px].
 double CornerRms(const CalibrationSet& set, const FoundTargets& found, const TargetCamera& camera) {
   Eigen::VectorXd shared = Eigen::VectorXd::Zero(kSharedParameters);
   shared.head<9>() << camera.fx, camera.fy, camera.cx, camera.cy, camera.distortion[0],
@@ -85,8 +85,8 @@ double CornerRms(const CalibrationSet& set, const FoundTargets& found, const Tar
   return std::sqrt(sum / std::max(1.0, count));
 }
 
-// A principal point is near the middle of its images: one far from it belongs to images of another
-// size. Empty: it is near.
+// A principal point far from the middle of the images suggests images of another size. Empty if it
+// is near.
 std::string OtherImageSize(const TargetCamera& camera, const FoundTargets& found) {
   const double x = camera.cx / found.columns_px - 0.5, y = camera.cy / found.rows_px - 0.5;
   if (std::max(std::abs(x), std::abs(y)) < kOffCentre) return "";
@@ -143,7 +143,7 @@ absl::StatusOr<UsedFrames> FindLines(const CalibrationSet& set, const FoundTarge
   return used;
 }
 
-// Leaves out the frame whose corners are off farthest, if it is an outlier.
+// Leaves out the frame with the largest corner residuals, if it is an outlier.
 bool RemoveWorstCorners(const CalibrationSet& set, UsedFrames* used, CalibrationResult* result) {
   std::vector<double> rms;
   for (size_t i = 0; i < used->frames.size(); ++i) {
@@ -247,9 +247,9 @@ std::string BendText(const CalibrationResult& result) {
                       "Camera and laser plane may have errors that no ratio shows.");
 }
 
-// Fits a flat target, and if it seems to be bent, a bent board with the line on a flat plate and a
-// bent plate. Keeps the one that best predicts frames that are left out: which surface carries the
-// line cannot be seen at the corners.
+// Fits a flat target and, if it seems bent, a bent board with the line on a flat plate and a bent
+// plate. Keeps the shape that best predicts left-out frames: corners do not show which surface
+// carries the line.
 absl::Status FitShape(const CalibrationSet& set, const CameraPrior& camera, UsedFrames* used,
                       CalibrationResult* result) {
   const UsedFrames all = *used;

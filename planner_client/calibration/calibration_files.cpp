@@ -176,7 +176,7 @@ v1::Inspection CalibratedInspection(const CalibrationResult& result, const Calib
   inspection.mutable_part()->set_file(part_file.empty() ? "target.stl" : part_file);
   if (part_file.empty()) inspection.mutable_part()->set_unit("m");
   SetDevices(result, set.assumed, &inspection);
-  // The calibration holds for camera and laser as they stand to each other.
+  // The calibration is valid for the relative pose of camera and laser.
   inspection.mutable_rig()->set_sensor_mount(v1::Rig::SENSOR_MOUNT_RIGID);
   v1::MeasurementDomain& domain = *inspection.mutable_measurement();
   domain.mutable_camera_distance_m()->set_fixed(rig.camera_distance_m);

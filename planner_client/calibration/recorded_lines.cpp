@@ -17,14 +17,14 @@ namespace sightline {
 namespace {
 
 constexpr int kReachPx = 60, kPiecePx = 128, kShortestPx = 64;
-// Nearer to the line than this its own clipped core and halo are.
+// Closer pixels belong to the line's clipped core and halo.
 constexpr int kBesidePx = 30;
 constexpr double kUnusual = 2;  // brightness of a side over that of the frame's median, or inverse
-// Part of a square by which dark squares are taken as larger: blur, and errors of the corners.
+// Fraction of a square by which dark squares are enlarged, for blur and errors of the corners.
 constexpr double kBorder = 0.15;
 constexpr int kLinePositionLeast_px = 1;
 
-// One frame: image, pose and the line in it, predicted by laser plane and pose.
+// One frame: image, pose and the line in it, predicted from laser plane and pose.
 struct Frame {
   const Image<uint16_t>& image;
   double saturation_dn;
@@ -45,7 +45,7 @@ struct Frame {
   }
 };
 
-// The place on the board that a pixel shows.
+// The position on the board that a pixel shows.
 Eigen::Vector2d OnBoard(const Frame& frame, const Eigen::Vector2d& pixel) {
   const Eigen::Vector3d ray = frame.posed.camera.Ray(pixel);
   const Eigen::Vector3d normal = frame.plate_in_camera.linear().col(2);
@@ -53,8 +53,8 @@ Eigen::Vector2d OnBoard(const Frame& frame, const Eigen::Vector2d& pixel) {
   return (frame.plate_in_camera.inverse() * (scale * ray)).head<2>();
 }
 
-// Column and row of the square, 0 right of the first inner corners: -1 left of them; and the place
-// within it in parts of a square.
+// Column and row of the square, 0 right of the first inner corners, -1 left of them; and the
+// position within it as fractions of a square.
 struct Square {
   int x, y;
   double in_x, in_y;
@@ -87,7 +87,7 @@ bool NearDarkSquare(const Frame& frame, double along, double across) {
   return false;
 }
 
-// Whether the squares of odd or of even parity are darker, by the middles of the inner squares.
+// True if the squares of odd parity are darker, by the middles of the inner squares.
 bool OddIsDark(const Frame& frame) {
   double sum[2] = {0, 0}, count[2] = {0, 0};
   const TargetBoard& board = frame.board;
@@ -153,8 +153,8 @@ std::vector<bool> UsableOf(const Frame& frame) {
   return usable;
 }
 
-// Distance of the middle of the line from its predicted place in a piece: of the part of the mean
-// profile above half of its height.
+// Distance of the line's centre from its predicted position in a crop: centroid of the mean profile
+// above half of its height.
 double OffPlace(const Frame& frame, int first, int last) {
   std::vector<double> profile(2 * kReachPx + 1, 0);
   double predicted = 0;
@@ -186,7 +186,7 @@ void SetVector(const Eigen::Vector3d& from, v1::Vector3* to) {
 PosedPlates PosedPlatesOf(const CalibrationResult& result) {
   PosedPlates posed;
   posed.camera = CameraOf(result.rig.shared);
-  // The format has one focal length: the two differ by less than poses are uncertain.
+  // The format has one focal length; both differ by less than the uncertainty of poses.
   posed.camera.fx = posed.camera.fy = result.planning.focal_length_px;
   const Eigen::Vector3d plane = result.rig.shared.segment<3>(kPlaneX);
   posed.sheet = {plane.normalized(), 1 / plane.norm(), std::nullopt};

@@ -42,7 +42,7 @@ int RunCommandProgram(int argc, char** argv, std::string_view program,
   }
   if (const int code = ParseCommandLine(app, {argv + 1, argv + argc}); code >= 0) return code;
   if (options.progress == "json") UseJsonProgress();
-  // One that is not valid counts as none, as the specification has it.
+  // The specification treats an invalid one as missing.
   const std::string traceparent = ValidTraceparent(options.traceparent);
   SetProcessTraceparent(traceparent.empty() ? NewTraceparent() : traceparent);
   if (!options.step_cache.empty()) setenv(kStepCacheEnvironment, options.step_cache.c_str(), 1);

@@ -52,7 +52,7 @@ v1::Inspection WithoutPart(v1::Inspection message) {
   return message;
 }
 
-// The artefacts' material as the only one; matt where the inspection states none.
+// The artefacts' material as the only one; matt if the inspection states none.
 void SetMaterial(const v1::Acceptance& acceptance, v1::Inspection* message) {
   message->clear_materials();
   v1::MaterialAssignment* assignment = message->add_materials();
@@ -81,11 +81,11 @@ absl::StatusOr<std::optional<ArtefactImaging>> ImagingOf(const v1::Inspection& m
   ArtefactImaging imaging;
   imaging.message = std::move(checked.message);
   SIGHTLINE_RETURN_IF_ERROR(TakeAssets(task.context, &imaging.message, &imaging.assets));
-  // Every artefact brings its own mesh.
+  // Every artefact has its own mesh.
   std::erase_if(imaging.assets, [&](const AssetFile& asset) {
     return asset.file == imaging.message.part().file();
   });
-  // One convex surface reflects no light to itself; a bore does, which is left out by default.
+  // A single convex surface has no interreflection; a bore has, but it is ignored by default.
   if (!imaging.message.render().has_max_bounces()) {
     imaging.message.mutable_render()->set_max_bounces(1);
   }

@@ -29,7 +29,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Fraction of clipped rows or columns from which no piece of a line is without clipping.
+// Fraction of clipped rows or columns above which every crop of a line contains clipping.
 constexpr double kAllClipped = 0.99;
 
 struct CalibrateOptions {
@@ -55,7 +55,7 @@ absl::Status WriteFiles(const CalibrateOptions& options, const CalibrationSet& s
   return WriteReport(CalibrationReport(result), (out / "report.html").string());
 }
 
-// The folder recordings/, for sightline diagnose. A sentence about it.
+// Writes the folder recordings/ for sightline diagnose; returns a sentence about it.
 absl::StatusOr<std::string> WriteRecordings(const CalibrateOptions& options,
                                             const CalibrationSet& set,
                                             const CalibrationResult& result) {

@@ -132,8 +132,8 @@ int RunCompare(CompareOptions& options) {
       if (!status.ok()) return ReportError(status);
     }
     Run run{variant.label, std::vector<std::vector<int>>(options.goals.size()), {}, 0};
-    // One run to the highest goal holds the answer for all if plans grow scan by scan. Other
-    // strategies get the goal that they are to reach.
+    // If plans grow scan by scan, one run to the highest goal answers all goals. Other strategies
+    // get each goal separately.
     const bool scan_by_scan = std::any_of(
         Strategies().begin(), Strategies().end(),
         [&](const auto& known) { return known.name == strategy && known.scan_by_scan; });
@@ -157,7 +157,7 @@ int RunCompare(CompareOptions& options) {
         const auto start = std::chrono::steady_clock::now();
         auto result = MakePlan(*session->gain_model, request);
         if (!result.ok()) return ReportError(result.status());
-        // A plan that was broken off says nothing of the strategy.
+        // An interrupted plan says nothing about the strategy.
         if (result->stop_reason == StopReason::kInterrupted) break;
         const double seconds =
             std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();

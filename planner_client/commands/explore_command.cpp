@@ -58,7 +58,7 @@ struct Pictures {
   std::string missing;
 };
 
-// Only images need a render worker: without it everything else works.
+// Only images need a render worker; everything else works without it.
 Pictures OpenPictures(const ExploreOptions& options) {
   Pictures pictures;
   const std::string& file = options.session.inspection_file;
@@ -113,7 +113,7 @@ absl::StatusOr<std::vector<ExploredScan>> ReadFirstScans(const std::string& file
   return scans;
 }
 
-// Settings of the scans, which may be in another order in the plan.
+// Settings of the scans; their order in the plan may differ.
 void SetScanSettings(const std::vector<ExploredScan>& scans, v1::Plan* plan) {
   std::vector<bool> used(scans.size(), false);
   for (v1::PlannedScan& planned : *plan->mutable_scans()) {
@@ -129,7 +129,7 @@ void SetScanSettings(const std::vector<ExploredScan>& scans, v1::Plan* plan) {
   }
 }
 
-// The files of `sightline evaluate` without pictures and points, which would take long.
+// Writes the files of `sightline evaluate` without pictures and points, which would take long.
 absl::StatusOr<SavedPlan> SavePlan(PlanningSession& session, const std::string& folder,
                                    const std::vector<ExploredScan>& scans) {
   std::vector<Measurement> measurements;
@@ -163,7 +163,7 @@ absl::StatusOr<SavedPlan> SavePlan(PlanningSession& session, const std::string& 
   return saved;
 }
 
-// Scans that nobody has saved, where --plan can read them.
+// Stores unsaved scans where --plan can read them.
 absl::StatusOr<std::string> KeepUnsaved(const ExploreSession& session, const PartDigest& part,
                                         const std::string& folder) {
   v1::Plan plan;
@@ -194,11 +194,11 @@ int RunExplore(ExploreOptions& options) {
         (fs::path(options.session.inspection_file).parent_path() / "explored_plan").string();
   }
   const std::string folder = fs::absolute(options.folder).lexically_normal().string();
-  // As long as the page is open: another command would exchange the plan under it.
+  // Locked while the page is open: another command must not replace the plan meanwhile.
   const auto out_lock = OpenOutputFolder(folder);
   if (!out_lock.ok()) return ReportError(out_lock.status());
 
-  // Scans by hand need no second sample of targets, which would double the time to start.
+  // Manual scans need no second sample of targets, which would double the start time.
   options.session.fresh_targets = false;
   options.session.worker = options.worker;
   auto session = OpenSession(options.session);

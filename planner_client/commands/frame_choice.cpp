@@ -55,7 +55,7 @@ absl::StatusOr<Measurement> ParseMeasurementText(const std::string& text) {
   return measurement;
 }
 
-// The inspection's measurement if it leaves nothing open.
+// The inspection's measurement if it fixes all parameters.
 absl::StatusOr<Measurement> FixedMeasurement(const Inspection& inspection,
                                              const std::string& file) {
   std::array<double, kMeasurementParameters> values{};
@@ -94,7 +94,7 @@ v1::PartFrame MakeFrame(const v1::Measurement& measurement, double stage_m, int 
   return message;
 }
 
-// Reads the part only where a plan states one.
+// Reads the part only if a plan states one.
 absl::Status CheckPart(const GivenPlans& plans, const Inspection& inspection,
                        std::vector<std::string>* remarks) {
   if (!plans.StateAPart()) return absl::OkStatus();

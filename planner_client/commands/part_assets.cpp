@@ -29,7 +29,7 @@ absl::Status AddAsset(const std::string& path, const std::string& name,
   return absl::OkStatus();
 }
 
-// A mesh file. A STEP file goes as its mesh, a glTF file with its buffers elsewhere as PLY.
+// Reads a mesh file. STEP files are sent as their mesh, glTF files with external buffers as PLY.
 absl::Status AddMesh(const std::string& prefix, const PartFileOptions& options, std::string* file,
                      std::string* unit, std::vector<AssetFile>* assets) {
   const std::string path = *file;
@@ -37,7 +37,7 @@ absl::Status AddMesh(const std::string& prefix, const PartFileOptions& options, 
   *unit = mesh_file.unit;
   const std::string extension = fs::path(mesh_file.path).extension();
   if (!absl::EqualsIgnoreCase(extension, ".gltf")) {
-    // A server that reads the file has no terminal: its remarks are printed here.
+    // The server has no terminal, so remarks are printed here.
     if (absl::EndsWithIgnoreCase(path, ".glb")) {
       SIGHTLINE_RETURN_IF_ERROR(LoadPartFile(path, *unit, options).status());
     }

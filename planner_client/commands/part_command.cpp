@@ -28,7 +28,7 @@
 namespace sightline {
 namespace {
 
-// "faces 12, 13" or, of many, "faces 12, 13, ... (30)"; features in words if there are any.
+// "faces 12, 13", abbreviated "faces 12, 13, ... (30)"; or the names of features, if any.
 std::string BoundText(const std::vector<int>& faces, const std::vector<std::string>& features) {
   constexpr size_t kMost = 8;
   if (faces.empty() && features.empty()) return "no face";
@@ -140,7 +140,7 @@ int ReportTolerances(const std::string& file, const std::string& unit,
   const auto imported = ImportTolerances(file, options);
   if (!imported.ok()) return ReportError(imported.status());
   if (json) {
-    // The triangles of the faces are no reading matter.
+    // The triangles of the faces are not readable output.
     std::printf("%s\n", ToJson(ToleranceReportToProto(imported->report, {})).c_str());
   } else {
     PrintTolerances(imported->report);

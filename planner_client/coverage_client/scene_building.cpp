@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How a scene comes to be on a server: part uploaded, job watched, targets fetched.
+// Builds a scene on a server: uploads the part, watches the job, fetches the targets.
 #include <grpcpp/grpcpp.h>
 
 #include <atomic>

@@ -26,7 +26,7 @@
 namespace sightline {
 namespace {
 
-// How often a scene is created again in one call before the server is called broken (e.g. its
+// Number of attempts to create a scene in one call before the server counts as broken (e.g. its
 // memory limit is so small that it drops the scene at once).
 constexpr int kMaxRecoveriesPerCall = 3;
 
@@ -105,12 +105,12 @@ absl::Status SceneConnection::Recover(absl::Status error, Attempts* attempts) {
       if (made.ok() && ++attempts->recoveries > kMaxRecoveriesPerCall) return error;
       return made;
     }
-    // Nor that server is there any more.
+    // The new server has ended as well.
     error = made;
   }
   if (!absl::IsUnavailable(error)) return error;
   if (options_.embedded != nullptr) {
-    // The connection breaks a moment before the process can be waited for.
+    // The connection breaks shortly before the process can be waited for.
     for (int i = 0; i < 10 && options_.embedded->CheckAlive().ok(); ++i) {
       absl::SleepFor(absl::Milliseconds(5));
     }

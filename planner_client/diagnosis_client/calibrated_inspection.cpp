@@ -19,7 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kSame = 1e-3;
-// Part of its standard uncertainty below which a deviation is left out.
+// A deviation below this fraction of its standard uncertainty is left out.
 constexpr double kNegligible = 0.01;
 constexpr double kDefaultWavelength_m = 661e-9;
 
@@ -72,7 +72,7 @@ constexpr std::array kDeviationFields = {
     DeviationField{"dark_mean_electrons", kSensor, "camera.sensor.dark_mean_electrons", false},
     DeviationField{"dark_noise_relative", kSensor, "camera.sensor.dark_noise_electrons"},
 };
-// The place of the line is fitted in every image and says nothing about an inspection.
+// The line's position is fitted in every image and is irrelevant to an inspection.
 constexpr std::string_view kLinePosition = "line_position_common_px";
 
 class Calibration {
@@ -132,8 +132,8 @@ class Calibration {
     changes_.Carry(effect, changes);
   }
 
-  // A surface cannot reflect more than it receives: the light above that is the laser's, since only
-  // their product is known.
+  // A surface cannot reflect more than it receives: the excess is assigned to the laser, since only
+  // the product of both is known.
   void KeepReflectanceBelowOne() {
     double largest = 0;
     for (const int i : plate_materials_) {
@@ -153,7 +153,7 @@ class Calibration {
     return std::find(recorded_.begin(), recorded_.end(), component) != recorded_.end();
   }
 
-  // Whether this component of the inspection is that of the recordings; a warning if it is not.
+  // True if this component of the inspection is that of the recordings; warns otherwise.
   bool IsRecorded(std::string_view component, const std::string& source) {
     if (Contains(component)) return true;
     const auto* const known =
@@ -180,7 +180,7 @@ CalibratedInspection CalibrateInspection(const v1::Inspection& inspection,
   CalibratedInspection result;
   result.inspection = inspection;
   Calibration calibration(nominal, &result);
-  // Deviations of the order of nothing would only fill the list.
+  // Negligible deviations would only lengthen the list.
   for (const v1::FittedDeviation& deviation : diagnosis.model_fit().deviations()) {
     if (!std::isfinite(deviation.value()) ||
         std::abs(deviation.value()) <= kNegligible * deviation.standard_uncertainty()) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `sightline`: finds the program that carries out a command and becomes it, with the same words.
+// `sightline`: finds the program of a command and executes it (exec) with the same arguments.
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -23,8 +23,8 @@
 namespace sightline {
 namespace {
 
-// The words up to and including the first that is neither an option nor an option's value: the
-// command. The command's program reads the rest.
+// The command-line words up to the command, the first that is neither an option nor an option's
+// value. The command's program parses the rest.
 std::vector<std::string> WordsToCommand(const CLI::App& app,
                                         const std::vector<std::string>& words) {
   for (size_t i = 0; i < words.size(); ++i) {
@@ -40,7 +40,7 @@ std::vector<std::string> WordsToCommand(const CLI::App& app,
   return words;
 }
 
-// Becomes the program; returns the exit code if that is impossible, and says why.
+// Executes the program; returns the exit code with a message if that is impossible.
 int Become(const CommandEntry& command, char** argv) {
   const std::string program(command.program);
   const std::string path = FindProgram(program).string();

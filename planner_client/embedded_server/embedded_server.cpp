@@ -147,7 +147,7 @@ class EmbeddedServerImpl final : public EmbeddedServer {
     return !launched.ok() && was_killed_at_start_ ? Restart() : launched;
   }
 
-  // `keeps_on`: in spite of an interruption.
+  // `keeps_on`: continue in spite of an interruption.
   absl::Status Launch(bool keeps_on) {
     SIGHTLINE_ASSIGN_OR_RETURN(Pipe lifeline, MakePipe());
     SIGHTLINE_ASSIGN_OR_RETURN(Pipe output, MakePipe());
@@ -185,7 +185,7 @@ class EmbeddedServerImpl final : public EmbeddedServer {
   }
 
  private:
-  // By a clock that does not jump.
+  // By a monotonic clock.
   static std::chrono::steady_clock::time_point Deadline(absl::Duration timeout) {
     return std::chrono::steady_clock::now() + absl::ToChronoNanoseconds(timeout);
   }
@@ -236,8 +236,8 @@ class EmbeddedServerImpl final : public EmbeddedServer {
                  absl::FormatDuration(options_.start_notice).c_str(), StderrFile().c_str());
   }
 
-  // The error of a server whose stdout is closed before it listened. An ending process frees its
-  // memory before its descriptors, so little is left to do until it can be waited for.
+  // The error of a server that closed its stdout before it listened. An ending process frees its
+  // memory before its descriptors, so it can be waited for soon after.
   absl::Status OutputClosedError() {
     if (EndedWithin(options_.stop_timeout)) return EndedError();
     return absl::UnavailableError(absl::StrCat(

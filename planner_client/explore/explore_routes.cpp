@@ -23,7 +23,7 @@ std::string Text(const Json& json) {
 }
 
 absl::StatusOr<Json> ReadJsonRequest(HttpExchange& exchange) {
-  // Forms of other pages cannot send this type without being asked for leave first.
+  // Forms of other pages cannot send this type without a CORS preflight request.
   if (!absl::StartsWith(exchange.request().Header("content-type"), "application/json")) {
     return WithErrorInfo(absl::InvalidArgumentError("Content-Type must be application/json"),
                          "MEDIA_TYPE_NOT_SUPPORTED");

@@ -20,7 +20,7 @@ namespace {
 
 constexpr size_t kDisplayTriangles = 150'000;
 constexpr size_t kRememberedScans = 32;
-// A search is to take seconds; fast estimates take some tens of microseconds each.
+// A search should take seconds; fast estimates take some tens of microseconds each.
 constexpr int64_t kLocalEvaluations = 3000;
 constexpr int64_t kGlobalEvaluations = 9000;
 constexpr uint64_t kSearchSeed = 1;
@@ -85,7 +85,7 @@ Measurement Rounded(const Measurement& measurement, const MeasurementDomain& dom
   return domain.Contains(result) ? result : measurement;
 }
 
-// Something usual, as far as the domain has it.
+// Usual values, as far as the domain allows them.
 Measurement FirstPosition(const MeasurementDomain& domain) {
   Measurement usual;
   usual.camera_distance_m = 0.4;
@@ -435,7 +435,7 @@ absl::StatusOr<Json> ExploreSession::ChangePlan(const Json& request) {
   const int64_t revision = reader.Integer("revision", 0, INT64_MAX);
   SIGHTLINE_RETURN_IF_ERROR(reader.status());
 
-  // Slow work comes before the lock.
+  // Slow work is done before the lock is taken.
   ExploredScan scan;
   if (action == "add" || action == "replace") {
     SIGHTLINE_ASSIGN_OR_RETURN(auto measurement, ReadMeasurement(request, task_.inspection.domain));
@@ -547,7 +547,7 @@ absl::StatusOr<Json> ExploreSession::Suggest(const Json& request) {
   if (*turn.cancelled) return cancelled;
   if (!found.ok()) return found.status();
 
-  // The present position is among the candidates: nothing worse is ever suggested from here.
+  // The present position is a candidate, so that no suggestion from here is worse.
   std::vector<Measurement> candidates;
   if (here) candidates.push_back(start);
   for (const TopPoints::Entry& entry : top.entries()) {
@@ -609,7 +609,7 @@ absl::StatusOr<Json> ExploreSession::Picture(const Json& request) {
   const Json cancelled = {{"cancelled", true}};
   if (*turn.cancelled) return cancelled;
   SIGHTLINE_ASSIGN_OR_RETURN(auto coverage, Exact(measurement));
-  // A scan that cannot be made has a picture nevertheless, by where the sheet meets the part.
+  // An infeasible scan has a picture, too: of the frame in which the sheet meets the part.
   const double step_m = task_.inspection.rig.scan_step_m;
   const StageTravel travel = TravelOf(measurement, coverage);
   const auto first = static_cast<int64_t>(std::ceil(travel.start_m / step_m - 1e-6));

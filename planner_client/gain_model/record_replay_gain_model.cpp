@@ -13,9 +13,9 @@
 namespace sightline {
 namespace {
 
-// A journal of this size is not continued: planning that asks more starts again from here.
+// A journal is not continued beyond this size; a resumed run starts again from here.
 constexpr int64_t kMaxJournalBytes = int64_t{2} << 30;
-// More than any batch of gains or coverages needs.
+// Larger than any batch of gains or coverages.
 constexpr uint32_t kMaxAnswerBytes = 512 << 20;
 // Signature of the file: its type, the layout of answers and the machine's byte order.
 constexpr char kFileType[] = "sightline answers 2\n";
@@ -275,7 +275,7 @@ bool RecordReplayGainModel::NextAnswer(uint64_t query, std::string* answer) {
 }
 
 void RecordReplayGainModel::Append(uint64_t query, const std::string& answer) {
-  // A disk that is full costs the journal, not the plan.
+  // A full disk loses the journal, not the plan.
   if (!append_ || size_bytes_ > kMaxJournalBytes || answer.size() > kMaxAnswerBytes) return;
   const AnswerHeader header{query, Digest(answer), static_cast<uint32_t>(answer.size()), 0};
   append_.write(reinterpret_cast<const char*>(&header), sizeof(header));

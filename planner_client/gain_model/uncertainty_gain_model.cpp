@@ -12,9 +12,9 @@ namespace sightline {
 namespace {
 
 constexpr float kNever = std::numeric_limits<float>::infinity();
-// Exact scores that are not thorough look at every so many toleranced targets.
+// Exact scores that are not thorough evaluate every n-th toleranced target.
 constexpr size_t kStride = 3;
-// A search over a pool of scans sees the worth of information as this many steps.
+// A search over a pool of scans approximates the worth of information by this many steps.
 constexpr int kInformationSteps = 3;
 constexpr int kTotalUncertaintySteps = 4;
 
@@ -138,8 +138,8 @@ std::vector<ShareStep> UncertaintyGainModel::steps() const {
     }
     steps.push_back(std::move(step));
   }
-  // The penalty is the square of the uncertainty's excess over the admissible one: equal parts of
-  // it are passed at these.
+  // The penalty is the square of the uncertainty's excess over the admissible one. These steps
+  // divide it equally.
   for (int k = 0; k < kTotalUncertaintySteps && w.total_uncertainty > 0; ++k) {
     const double rest = std::sqrt(1 - (k + 0.5) / kTotalUncertaintySteps);
     ShareStep step{w.total_uncertainty / kTotalUncertaintySteps, std::vector<float>(count, 1)};

@@ -30,7 +30,7 @@ double Round2(double value, double step) {
   return std::round(value * per_unit) / per_unit;
 }
 
-// A camera stands about one and a half diameters off, within what a stage usually has room for.
+// Distance of the camera: one and a half diameters, which fits most stages.
 double WorkingDistance(double diameter_m) { return std::clamp(1.5 * diameter_m, 0.2, 0.6); }
 
 std::string SizeText(const PartHealth& health) {
@@ -39,7 +39,7 @@ std::string SizeText(const PartHealth& health) {
                          health.triangle_count, 1e4 * health.area_m2);
 }
 
-// Takes the lens of the camera whose field of view is nearest to the part's size.
+// Chooses the lens whose field of view is nearest to the part's size.
 absl::StatusOr<DeviceLens> ChooseLens(const DraftRequest& request, double diameter_m) {
   const double z_m = WorkingDistance(diameter_m);
   const DeviceLens* best = nullptr;
@@ -61,7 +61,7 @@ absl::StatusOr<DeviceLens> ChooseLens(const DraftRequest& request, double diamet
                       request.camera->sensor.name, 1e3 * z_m));
 }
 
-// Whether the options fit the profile sensor, which has a camera and a laser of its own.
+// Checks that the options fit the profile sensor, which has its own camera and laser.
 absl::Status CheckProfileSensor(const DraftRequest& request) {
   for (const auto& [given, option] :
        {std::pair(request.camera.has_value(), "--camera"),
@@ -182,8 +182,8 @@ absl::Status DraftOptics(const DraftRequest& request, double diameter_m, Inspect
   return absl::OkStatus();
 }
 
-// The camera and laser that measure what the profile sensor measures. Line of sight and laser plane
-// meet in the middle of the range, at the distance d = middle / cos(tau) from the camera. A point
+// Camera and laser equivalent to the profile sensor. Line of sight and laser plane meet in the
+// middle of the range, at the distance d = middle / cos(tau) from the camera. A point
 // of the laser's axis that is s nearer to the laser than that is seen off the camera's axis by
 //   tan = s sin(tau) / (d - s cos(tau)),
 // and the image has as many rows as the ends of the range need.
@@ -260,8 +260,8 @@ void DraftGoal(const DraftRequest& request, InspectionDraft* draft) {
   tolerances.set_unit(request.tolerance_unit);
 }
 
-// Writes the offsets that the part's size leaves if they are below Table 2.1. The defaults would be
-// the same; they are written out so that users with a narrower stage find them.
+// Writes the offsets that the part's size allows if they are below Table 2.1. They equal the
+// defaults; written out, users with a narrower stage find them.
 void DraftDomain(double diameter_m, InspectionDraft* draft) {
   const LargestOffset largest = LargestOffsetOf(diameter_m);
   if (!largest.below_table_2_1) return;
@@ -341,7 +341,7 @@ absl::StatusOr<InspectionDraft> DraftInspection(const DraftRequest& request) {
   comments["rig.part_holding"] =
       "PART_HOLDING_RESTING: lies on the table, on a face on which it is stable. "
       "PART_HOLDING_FIXTURE: clamped as in the CAD file. PART_HOLDING_FREE: in any orientation.";
-  // Points a third of the radius apart leave no target between two frames.
+  // A step of a third of the radius leaves no target between two frames.
   rig.set_scan_step_m(std::clamp(Round2(radius_m / 3, 1e-5), 5e-5, 1e-3));
   comments["rig.scan_step_m"] = "Stage travel from frame to frame, and the longest of one scan.";
   // The sheet passes over the part at a slant: about twice its diameter at 60 degrees.

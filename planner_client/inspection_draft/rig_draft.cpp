@@ -13,11 +13,11 @@
 namespace sightline {
 namespace {
 
-// Largest polar angle of a rigid head's camera: beyond it the head would be beside the table.
+// Largest polar angle of a rigid head's camera; beyond it the head would be next to the table.
 constexpr double kMostPolar_deg = 75;
 constexpr double kFinestAngle_deg = 1, kFinestDistance_m = 1e-3;
 
-// Never a negative zero.
+// Avoids a negative zero.
 double RoundTo(double value, double per_unit) {
   return std::round(value * per_unit) / per_unit + 0.0;
 }

@@ -32,7 +32,7 @@ namespace fs = std::filesystem;
 using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 
-// Kind of a file, which says what it may refer to in turn.
+// Kind of a file, which determines what files it may refer to.
 enum class Contains { kNothingMore, kMesh, kRobot, kSensor, kMaterial };
 
 struct FileField {
@@ -120,9 +120,9 @@ const FileField* FindFileField(const FieldDescriptor& field) {
   return found == std::end(kFileFields) ? nullptr : found;
 }
 
-// Collects the strings of a JSON text whose key is "uri": buffers of a glTF file, and images, which
-// are files too many and cost nothing. Of damaged text those before the damage; its reader refuses
-// it.
+// Collects the strings with the key "uri" in a JSON text: buffers of a glTF file, and images, which
+// are superfluous but harmless. For damaged text, collects those before the damage; its reader
+// rejects it.
 class UriCollector : public nlohmann::json_sax<nlohmann::json> {
  public:
   std::vector<std::string> uris;
@@ -202,8 +202,8 @@ std::string WithoutEntities(std::string_view value) {
   return text;
 }
 
-// Values of an attribute of XML, as filename="a.stl". Some of them may be in comments: a file too
-// many costs nothing.
+// Values of an XML attribute, as filename="a.stl". Values in comments are superfluous but
+// harmless.
 std::vector<std::string> ValuesOfAttribute(std::string_view text, std::string_view key) {
   std::vector<std::string> values;
   for (size_t at = text.find(key); at != std::string_view::npos; at = text.find(key, at)) {

@@ -69,7 +69,7 @@ absl::StatusOr<TriangleMesh> LoadPartFile(const std::string& path, const std::st
     return part;
   }
   SIGHTLINE_ASSIGN_OR_RETURN(const auto mesh, MeshStepPart(path, unit, options));
-  // People know the STEP file, not where its mesh is kept.
+  // Users know the STEP file, but not the file of its mesh.
   return LoadPartFromMemory(mesh.glb, "glb", "", path, {}, kStepUnitAdvice);
 }
 

@@ -63,11 +63,11 @@ class KeptMesh {
 
   const std::string& glb_path() const { return glb_; }
 
-  // The mesh, if it is there and whole. `damaged`: it is there and not whole.
+  // The mesh, if it exists and is intact. `damaged`: it exists but is not intact.
   std::optional<StepMesh> Read(bool* damaged) const {
     *damaged = false;
     std::error_code error;
-    // Neither alone is damage: a process ended between the two.
+    // One file alone is no damage: a process ended between writing the two.
     if (!fs::exists(glb_, error) || !fs::exists(record_, error)) return std::nullopt;
     *damaged = true;
     auto glb = ReadRegularFile(glb_, kMaxGlbBytes);

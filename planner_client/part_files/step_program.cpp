@@ -143,7 +143,7 @@ absl::StatusOr<std::string> RunStepImport(const StepFile& step,
   const int status = finished->wait_status;
   if (WIFSIGNALED(status)) {
     const int number = WTERMSIG(status);
-    // Ctrl-C goes to both programs.
+    // Ctrl-C reaches both programs.
     if (number == SIGINT) return absl::CancelledError(absl::StrCat(file, ": interrupted"));
     return absl::InternalError(absl::StrCat(file, ": ", kStepProgram, " was killed by signal ",
                                             number, ": ", finished->errors));

@@ -80,7 +80,7 @@ class PartialFile {
   bool committed_ = false;
 };
 
-// Removes files of killed processes: no other process works in the folder then.
+// Removes files of killed processes; no other process uses the folder at that time.
 void RemovePartialFiles(const std::string& folder) {
   std::error_code error;
   std::vector<fs::path> partial;
@@ -93,7 +93,7 @@ void RemovePartialFiles(const std::string& folder) {
   for (const fs::path& path : partial) fs::remove(path, error);
 }
 
-// File names come from the worker: none may leave the folder.
+// The worker supplies file names: none may leave the folder.
 bool StaysInFolder(const std::string& file) {
   const fs::path path(file);
   return !file.empty() && !path.is_absolute() &&
@@ -147,7 +147,7 @@ class RenderCall {
     });
     if (!status.ok()) return call_.Explained(status, kInterrupted);
     const v1::Job& job = response.job();
-    // An earlier run's file would vouch for images that are about to change.
+    // An earlier run's file would wrongly confirm images that are about to change.
     if (!IsPart()) std::remove((fs::path(folder) / "recordings.json").c_str());
     absl::StatusOr<std::vector<std::string>> files = Receive(job, folder);
     if (files.ok()) return files;
@@ -229,7 +229,7 @@ class RenderCall {
       if (hash.Hex() != header.sha256()) {
         return absl::DataLossError(absl::StrCat(header.file(), " was damaged on its way"));
       }
-      // A set is whole where it has its description: that is for who runs after all parts.
+      // The description completes a set, so only the run after all shards writes it.
       const bool commits = !IsPart() || header.image() >= 0;
       SIGHTLINE_RETURN_IF_ERROR(commits ? file.Commit() : absl::OkStatus());
       files->push_back(header.file());

@@ -10,7 +10,7 @@
 namespace sightline {
 namespace {
 
-// Density after which a surface is known as well as that; 0 if no better than before any point.
+// Density at which a surface has this uncertainty; 0 if it is no better than the prior.
 double EquivalentDensity(const SurfacePrior& prior, double uncertainty_m) {
   if (!(uncertainty_m < prior.standard_deviation_m)) return 0;
   return DensityForUncertainty(prior, std::max(uncertainty_m, 1e-9 * prior.standard_deviation_m));
@@ -115,7 +115,7 @@ absl::StatusOr<MeasuredGainModel::Counts> MeasuredGainModel::Count(
     SIGHTLINE_ASSIGN_OR_RETURN(auto exact,
                                targets.client->Uncertainties(simulated, open, false, enough_m));
     for (size_t k = 0; k < open.size(); ++k) {
-      // At "enough" the sum is exactly the needed one, despite rounding.
+      // At "enough" the sum equals the required one exactly, despite rounding.
       density[open_at[k]] +=
           exact.total_m[k] <= enough_m[k]
               ? targets.toleranced.admissible_density[open[k]] - density[open_at[k]]
@@ -201,7 +201,7 @@ absl::StatusOr<PosteriorUncertainties> MeasuredGainModel::Uncertainties(
     }
     const double density = by_points + by_simulation;
     if (!(by_points > 0) || after_each_m.empty()) continue;
-    // Parts of the whole in the proportions that points and simulation have them, each by its
+    // Split the total in the proportions of points and simulation, each by its
     // density.
     const SurfaceUncertainty& told = planned_.uncertainties.after_all[t];
     const double total_m = after_each_m.back();

@@ -61,8 +61,8 @@ std::string OtherUnit(const SurfaceIndex& model, std::span<const Eigen::Vector3d
   return "";
 }
 
-// Robust residuals alone do not tell: where most faces lie on their own mirror images, most points
-// of a mirrored part fit.
+// Robust residuals alone are not sufficient: if most faces lie on their own mirror images, most
+// points of a mirrored part fit.
 bool IsFarBetter(const Misfit& before, const Misfit& after) {
   constexpr double kBetter = 3;
   return after.residual_m < before.residual_m / kBetter ||

@@ -58,7 +58,7 @@ std::shared_ptr<grpc::Channel> OpenChannel(const ServerAccess& access) {
                      static_cast<int>(absl::ToInt64Milliseconds(kSilence)));
     arguments.SetInt(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
   }
-  // The retries are ours.
+  // Retries are made by the client itself.
   arguments.SetInt(GRPC_ARG_ENABLE_RETRIES, 0);
   std::shared_ptr<grpc::ChannelCredentials> credentials = grpc::InsecureChannelCredentials();
   if (!access.tls_root_certificates.empty()) {

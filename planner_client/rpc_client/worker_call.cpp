@@ -44,7 +44,7 @@ absl::Status WorkerCall::Create(const std::function<grpc::Status(grpc::ClientCon
     }
     if (!absl::IsUnavailable(status)) return status;
     if (options_.embedded != nullptr && !options_.embedded->CheckAlive().ok()) {
-      // Nothing is lost yet but assets, which it asks for again.
+      // Only assets are lost so far, and the worker requests them again.
       SIGHTLINE_RETURN_IF_ERROR(options_.embedded->Restart());
       uploads_left = static_cast<int>(assets_.size()) + 1;
       continue;
@@ -140,7 +140,7 @@ absl::Status WorkerCall::Explained(const absl::Status& status,
   if (Interrupted()) return absl::CancelledError(interrupted);
   if (!absl::IsUnavailable(status)) return status;
   if (options_.embedded != nullptr) {
-    // The connection breaks a moment before the process can be waited for.
+    // The connection breaks shortly before the process can be waited for.
     for (int i = 0; i < 20 && options_.embedded->CheckAlive().ok(); ++i) {
       absl::SleepFor(absl::Milliseconds(10));
     }

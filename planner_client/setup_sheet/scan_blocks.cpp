@@ -21,7 +21,7 @@ namespace {
 
 using Steps = std::vector<std::vector<v1::ReportRun>>;
 
-// Whether an angle is worth a step of a person.
+// True if an angle is large enough to be a step for a person.
 bool Turns(double angle_deg) { return std::abs(std::remainder(angle_deg, 360)) > 0.005; }
 
 v1::ReportFact LengthFact(const std::string& name, double length_m) {

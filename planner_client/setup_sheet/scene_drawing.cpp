@@ -52,8 +52,8 @@ class Canvas {
     dot.set_radius(radius);
   }
 
-  // `away` is the way from the place to the middle of the text, in units of the drawing, y up. The
-  // text moves from there to the nearest place where it is inside the drawing and covers no earlier
+  // `away`: direction from the point to the middle of the text, in units of the drawing, y up.
+  // The text moves from there to the nearest position inside the drawing that covers no earlier
   // text.
   void Text(const Eigen::Vector2d& place_m, const Eigen::Vector2d& away, const std::string& text) {
     const Eigen::Vector2d half(std::min(kHalfLetter * static_cast<double>(text.size()), kWidth / 2),
@@ -88,7 +88,7 @@ class Canvas {
   }
 
  private:
-  // Boxes on circles around the wanted place are tried, the nearest first.
+  // Tries boxes on circles around the intended position, nearest first.
   Eigen::AlignedBox2d FreeBox(const Eigen::Vector2d& wanted, const Eigen::Vector2d& half) const {
     constexpr int kDirections = 16;
     constexpr double kStep = 3, kFarthest = 90;
@@ -138,8 +138,8 @@ std::string AngleText(double angle_rad) {
   return absl::StrFormat("%.1f\u00b0", std::abs(angle_rad) * 180 / std::numbers::pi);
 }
 
-// Body of a sensor as a box behind its pupil or source, drawn at a size that is seen; its name
-// moved by `name_offset`.
+// Draws a sensor's body as a box behind its pupil or source, at a visible size; its name is shifted
+// by `name_offset`.
 void DrawSensor(Canvas& canvas, const Eigen::Vector2d& at_m, double size_m, Subject subject,
                 const char* name, const Eigen::Vector2d& name_offset) {
   const double distance = at_m.norm();
@@ -213,8 +213,8 @@ v1::ReportDrawing SideView(const DrawnScene& scene) {
   canvas.Line({0, 0}, {0, 0.62 * farther_m}, v1::DrawnShape::AXIS, v1::DrawnShape::DASHED_LINE);
   canvas.Line({0, 0}, laser_m, v1::DrawnShape::LASER);
   canvas.Line({0, 0}, camera_m, v1::DrawnShape::CAMERA, v1::DrawnShape::DASHED_LINE);
-  // From the laser to the camera, across the lines of sight: on their outer sides no label meets
-  // another, however near the two are.
+  // From the laser to the camera, on the outer sides of the lines of sight, where labels never
+  // overlap even if both are close.
   const Eigen::Vector2d between = camera_m.normalized() - laser_m.normalized();
   const Eigen::Vector2d apart =
       between.norm() > 1e-9 ? Eigen::Vector2d(between.normalized()) : Eigen::Vector2d(1, 0);

@@ -121,7 +121,7 @@ class Sheet {
         "of the part\u2019s centre from the origin along x.");
   }
 
-  // Two standard deviations either side hold 95 of 100 errors.
+  // Two standard deviations on either side contain 95 of 100 errors.
   v1::ReportBlock HowExactly() const {
     const v1::Placement& p = plan_.placement();
     const auto within = [](const std::string& name, double position_m, double angle_deg) {
@@ -140,7 +140,7 @@ class Sheet {
     return TitledBlock("How exactly to place things (95 of 100)", {FactsBlock(facts)});
   }
 
-  // With unit costs every scan costs 1, and nothing has a time.
+  // With unit costs every scan costs 1, and times are undefined.
   bool HasTimes() const { return !plan_.cost().unit_costs(); }
 
   ReportBlocks SetupsTable() const {

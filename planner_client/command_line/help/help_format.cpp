@@ -11,7 +11,7 @@ std::string HelpFormat::make_description(const CLI::App* app) const {
 
 std::string HelpFormat::make_option_name(const CLI::Option* option, bool is_positional) const {
   std::string name = Formatter::make_option_name(option, is_positional);
-  // "--no-pictures{false}": what a flag stands for is nothing to be typed.
+  // "--no-pictures{false}": the part in braces is not typed by the user.
   for (size_t open = name.find('{'); open != std::string::npos; open = name.find('{', open)) {
     const size_t close = name.find('}', open);
     name.erase(open, close == std::string::npos ? close : close - open + 1);
@@ -20,7 +20,7 @@ std::string HelpFormat::make_option_name(const CLI::Option* option, bool is_posi
 }
 
 std::string HelpFormat::make_option_opts(const CLI::Option* option) const {
-  // Lists that are empty have no default to speak of.
+  // Empty lists have no default worth showing.
   return absl::StrReplaceAll(Formatter::make_option_opts(option), {{"=[]", ""}, {"={}", ""}});
 }
 

@@ -16,7 +16,7 @@
 namespace sightline {
 namespace {
 
-// Narrower ones would have hardly a word a line.
+// In narrower terminals a line would hold hardly one word.
 constexpr size_t kLeastColumns = 30;
 
 std::string WrapLine(absl::string_view line, size_t columns, std::string_view indent) {

@@ -22,8 +22,8 @@ const CLI::Option* OptionOf(const CLI::App& app, const std::string& argument) {
   return app.get_option_no_throw(argument.substr(0, argument.find('=')));
 }
 
-// End of the search along the words of a command line: the command they name, and the first that
-// names none.
+// Result of following the words of a command line: the command that they name, and the first word
+// that names none.
 struct Reached {
   const CLI::App* command;
   std::string words;         // "sightline recordings"
@@ -60,14 +60,14 @@ Reached Follow(const CLI::App& app, const std::vector<std::string>& arguments) {
       reached.command = *found;
       absl::StrAppend(&reached.words, " ", argument);
     } else if (!below.empty() && reached.unknown_word.empty() && reached.unknown_option.empty()) {
-      // After an unknown option it may be the value of that.
+      // After an unknown option it may be that option's value.
       reached.unknown_word = argument;
     }
   }
   return reached;
 }
 
-// All that a command cannot do without and has not got.
+// All required options of a command that are missing.
 std::string Missing(const CLI::App& command) {
   std::vector<std::string> missing;
   for (const CLI::Option* option : command.get_options()) {

@@ -31,7 +31,7 @@ absl::StatusOr<FileLock> OpenOutputFolder(const std::string& path, FileLock::Kin
   }
   if (!lock.ok())
     return absl::InvalidArgumentError(absl::StrCat("--out ", lock.status().message()));
-  // By trying: permissions alone do not know of full or read-only file systems.
+  // Tries to write, since permissions do not show full or read-only file systems.
   const std::string trial = absl::StrCat(path, "/.sightline-trial-", getpid());
   if (absl::Status written = WriteFileAtomically(trial, "\n"); !written.ok()) {
     return absl::InvalidArgumentError(

@@ -14,7 +14,7 @@
 namespace sightline {
 
 absl::Status EndWithParent(int read_end) {
-  // Children must not hold it: they have pipes of their own.
+  // Children must not inherit it: they have their own pipes.
   if (fcntl(read_end, F_SETFD, FD_CLOEXEC) != 0) {
     return absl::InvalidArgumentError(
         absl::StrCat("--parent-fd ", read_end, ": not an open file descriptor"));

@@ -30,7 +30,7 @@ bool UsesJsonProgress() { return json_progress; }
 std::string TimeText(double fraction, absl::Duration elapsed) {
   constexpr double kLeastFraction = 0.05;
   const auto text = [](absl::Duration duration) {
-    // FormatDuration writes no unit behind zero.
+    // FormatDuration writes 0 without a unit.
     const absl::Duration whole = absl::Trunc(duration, absl::Seconds(1));
     return whole == absl::ZeroDuration() ? std::string("0s") : absl::FormatDuration(whole);
   };
@@ -66,7 +66,7 @@ void ProgressLine::Show(double fraction, const std::string& text) {
     const int filled = static_cast<int>(std::lround(fraction * kBarWidth));
     const std::string bar = std::string(filled, '#') + std::string(kBarWidth - filled, '.');
     std::string line = absl::StrFormat("[%s] %3.0f %%  %s", bar, 100 * fraction, told);
-    // A line that wraps could not be drawn over; the last column would wrap on some terminals.
+    // A wrapped line could not be redrawn; some terminals wrap after the last column.
     const size_t columns = TerminalColumns(STDERR_FILENO, 80) - 1;
     if (line.size() > columns) line = line.substr(0, columns - 3) + "...";
     std::fprintf(stderr, "\r\033[K%s", line.c_str());

@@ -107,7 +107,7 @@ void WarnOfMissingScans(const EarlierPlan& earlier, v1::InspectionResult& result
                                       missing, earlier.scans.size()));
 }
 
-// The plan with the features that were judged: those of a plan for coverage are not in it.
+// The plan with the evaluated features, which a plan for coverage does not contain.
 v1::Plan PlanOfFeatures(const v1::Plan& plan, const v1::InspectionResult& result) {
   const auto& planned = plan.uncertainty().features();
   bool same = planned.size() == result.features_size();
@@ -139,7 +139,7 @@ SurfaceDeviations DeviationsToShow(const MeasuredSurface& surface,
     shown.deviations_m.push_back(static_cast<float>(estimate.mean_m));
     shown.measured.push_back(estimate.points > 0);
   }
-  // The scale ends at the widest zone of a profile, so that deviations beyond any zone have full
+  // The scale ends at the widest profile zone, so that deviations beyond every zone have full
   // colour.
   double widest_m = 0;
   for (const TolerancedFeature& feature : requirements.features) {
@@ -155,8 +155,8 @@ absl::Status WriteOutliers(const MeasuredPart& part, const fs::path& out) {
   return WritePlyPoints((out / "outliers.ply").string(), part.outliers_m, normals);
 }
 
-// The plan with the next scan after its own, which stay in their order since files of points are
-// named by their numbers. It has no poses or predictions: `sightline evaluate` states them.
+// The plan with the next scan appended. The other scans keep their order, since files of points are
+// named by scan number. It has no poses or predictions; `sightline evaluate` adds them.
 v1::Plan PlanWithNextScan(const InspectedPart& asked, const v1::NextScan& next) {
   v1::Plan plan;
   plan.set_inspection_name(asked.inspection.name);

@@ -21,9 +21,9 @@ namespace {
 
 constexpr ProgressPhase kSearchPhase{kOpenSessionPhase.end, 1};
 
-// Uncertainty to which every target has to be known [m]; 0 for targets that need no scan. The
-// server samples the part as measured, with its deviations, so that its targets are not those of
-// the verdict: each takes the value of the nearest one of the same feature.
+// Required uncertainty of every target [m]; 0 for targets that need no scan. The server samples the
+// part as measured, with its deviations, so its targets differ from those of the verdict: each
+// takes the value of the nearest target of the same feature.
 std::vector<float> NeededAt(const TargetSet& targets, const Requirements& requirements,
                             const JudgedInspection& judged) {
   std::vector<float> needed_m(targets.size(), 0);
@@ -98,7 +98,7 @@ absl::StatusOr<std::optional<v1::NextScan>> FindNextScan(const NextScanQuestion&
   if (!plan.ok()) return plan.status();
   if (plan->scans.size() <= request.locked.size()) return std::nullopt;
   SIGHTLINE_ASSIGN_OR_RETURN(const auto score, gain_model.ScorePlan(request.locked, true));
-  // The search adds a scan even if none helps.
+  // The search adds a scan even if no scan helps.
   if (plan->score.satisfied <= score.satisfied) return std::nullopt;
   v1::NextScan next;
   *next.mutable_measurement() = MeasurementToProto(plan->scans.back().measurement);

@@ -20,9 +20,9 @@ namespace {
 
 constexpr size_t kMostCombinations = 100000;
 constexpr double kShareOfOwnView = 0.9;
-// Height costs that are nearer to each other than this count as equal.
+// Height costs that differ by less than this fraction count as equal.
 constexpr double kEqualCosts = 0.05;
-// Frames that combinations are judged by, speckle realisations of each, and the smallest aperture.
+// Number of frames and speckle realisations per combination, and the smallest aperture.
 constexpr int kFrames = 3, kRealisations = 2;
 constexpr double kLargestFNumber = 11;
 
@@ -59,8 +59,8 @@ v1::Inspection InspectionOf(const DeviceCamera& camera, const DeviceLens& lens,
   return devices;
 }
 
-// The request's inspection with other devices. Of the f-numbers that it states those are kept that
-// the lens has; if there are none, it has its own.
+// The request's inspection with other devices. It keeps those stated f-numbers that the lens has,
+// or else takes the lens's own.
 v1::Inspection WithDevices(v1::Inspection inspection, const v1::Inspection& devices) {
   *inspection.mutable_camera() = devices.camera();
   *inspection.mutable_lens() = devices.lens();
@@ -76,7 +76,7 @@ v1::Inspection WithDevices(v1::Inspection inspection, const v1::Inspection& devi
   return inspection;
 }
 
-// Up to kFrames of the request's frames, evenly spaced, as scans of their own: all are rendered.
+// Up to kFrames evenly spaced frames of the request, as separate scans so that all are rendered.
 void TakeSomeFrames(const v1::CreateOpticsRequest& all, v1::CreateOpticsRequest* some) {
   some->clear_frames();
   const int count = std::min(all.frames_size(), kFrames);
@@ -173,7 +173,7 @@ absl::StatusOr<DeviceCandidates> FindDevices(const std::string& folder,
   }
   if (candidates.rendered.empty()) {
     std::string example;
-    // The one that came nearest: with the fewest reasons.
+    // The best of the unsuitable ones: the one with the fewest reasons.
     size_t fewest = std::numeric_limits<size_t>::max();
     for (const v1::DeviceCombination& c : candidates.lost) {
       const auto reasons =
@@ -245,7 +245,7 @@ absl::StatusOr<ChosenDevices> ChooseDevices(const DeviceCandidates& candidates,
     auto optics = PlanOptics(reporting, std::move(one), assets);
     v1::DeviceCombination combination = candidate.combination;
     if (!optics.ok()) {
-      // The error concerns these devices, not the request: others may do.
+      // The error concerns these devices, not the request: other devices may work.
       if (!absl::IsFailedPrecondition(optics.status())) return optics.status();
       combination.set_lost_because(std::string(optics.status().message()));
       lost.push_back(std::move(combination));

@@ -20,7 +20,7 @@
 namespace sightline {
 namespace {
 
-// Cost of an f-number over the best one's, beyond which it is not looked at again.
+// An f-number whose cost exceeds the best one's by this factor is not evaluated again.
 constexpr double kWorthTrying = 1.6;
 
 // The inspection's own request about the plan in the folder.
@@ -100,7 +100,7 @@ class JointPlanner {
   }
 
  private:
-  // Plans in turn until the learned detection equals the planned one.
+  // Alternates planning and learning until the learned detection equals the planned one.
   absl::Status FindRest() {
     LineDetectionNoise planned_for = session_.inspection.uncertainty->detection;
     double earlier_error = 0;
@@ -138,7 +138,7 @@ class JointPlanner {
       const bool as_good = round.settled_with() >= goal || round.settled_for() < goal;
       converged_ = change.IsNone() && (same_setting || number == 1) && as_good;
       rounds_.push_back(std::move(round));
-      // The plan's numbers with the detection learned.
+      // Updates the plan's numbers for the learned detection.
       if (converged_) {
         return MakeDocument(std::move(document_.scans), document_.plan.gain_evaluations(),
                             document_.plan.stop_reason());
@@ -148,7 +148,7 @@ class JointPlanner {
     return absl::OkStatus();
   }
 
-  // The present scans, exactly, with the detection learned; later plans are made with it.
+  // Evaluates the present scans exactly with the learned detection, which later plans use.
   absl::Status LookWith(const LineDetectionNoise& noise, v1::JointRound* round) {
     SessionOptions options = options_.session;
     options.line_detection = noise;

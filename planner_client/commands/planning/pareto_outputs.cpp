@@ -142,7 +142,7 @@ absl::StatusOr<PlannerResult> PlanFront(const PlanningSession& session,
   plan.scans = std::move(made.front.points[chosen].scans);
   plan.score = made.front.points[chosen].score;
   plan.stop_reason = made.stop_reason;
-  // Why the plan for the goal went no further, where the whole front says only that it did not.
+  // Reason why the plan for the goal stopped; the front only states that it missed the goal.
   if (plan.stop_reason == StopReason::kStalled) plan.stop_reason = made.plan_stop_reason;
   plan.evaluations = made.evaluations;
   return plan;
@@ -154,7 +154,7 @@ int RunPick(const SessionOptions& session_options, const ParetoPick& pick, Outpu
   if (absl::Status status = ReadStrictJsonFile(path, &front); !status.ok()) {
     return ReportError(status);
   }
-  // A pick that there is not is found before the scene is built.
+  // A missing pick is reported before the scene is built.
   const auto index = PickPoint(front, pick, path);
   if (!index.ok()) return ReportError(index.status());
   const auto out_lock = OpenOutputFolder(output.folder);
@@ -162,7 +162,7 @@ int RunPick(const SessionOptions& session_options, const ParetoPick& pick, Outpu
   auto session = OpenSession(session_options);
   if (!session.ok()) return ReportError(session.status());
   output.timings.push_back({"loading and visibility data", session->open_time_s});
-  // The goal may have been another one for the planning; the front states it.
+  // The front states its goal, which may differ from the inspection's present one.
   PlanningGoal& goal = session->inspection.goal;
   (goal.admissible ? *goal.admissible : goal.coverage) = front.goal();
   std::string remark;

@@ -65,7 +65,7 @@ absl::Status RemoveEarlierPlan(const std::string& folder) {
   return absl::OkStatus();
 }
 
-// Moves part and targets of a report to where the part was found, among the plan's poses.
+// Moves part and targets of a report to the registered pose of the part, among the plan's poses.
 void ShowWhereItLies(const PlanningSession& session, ReportData* data) {
   if (!session.measured) return;
   const Eigen::Isometry3f to_stage = ToStage(session);
@@ -78,7 +78,7 @@ void ShowWhereItLies(const PlanningSession& session, ReportData* data) {
   }
 }
 
-// The server knows meshes that move with the part in coordinates of the part as found.
+// The server has meshes that move with the part in coordinates of the measured part.
 std::shared_ptr<const TriangleMesh> MeshWhereItLies(const PlanningSession& session,
                                                     const CoverageTask::Obstacle& obstacle) {
   if (!session.measured || obstacle.frame != ObstacleFrame::kPart) return obstacle.mesh;
@@ -130,11 +130,11 @@ absl::StatusOr<ReportData> DescribeForReport(const PlanningSession& session,
   return data;
 }
 
-// Distance from which a part of unit size is looked at where the sensors need not fit.
+// Viewing distance for a part of unit size if the sensors need not be visible.
 constexpr double kNearView = 2.2;
 
-// The part with the scan's rig in the middle of its travel, from `distance_m` or, at 0, from where
-// all of it is seen; `covered` until then.
+// View of the part and the scan's rig in the middle of its travel, from `distance_m`; at 0, from a
+// distance that shows everything. `covered`: until then.
 absl::StatusOr<std::string> PictureOfScan(const PlanningSession& session, const ChosenScan& scan,
                                           const TargetBits& covered, double distance_m) {
   v1::RenderViewRequest request;
@@ -206,8 +206,8 @@ struct ScanAnswers {
   absl::Status picture, points;
 };
 
-// Pictures and point clouds, of several scans at a time. Data that the server does not give are
-// missing.
+// Writes pictures and point clouds for several scans at a time. Data that the server does not give
+// are listed as missing.
 absl::Status ShowScans(const PlanningSession& session, PlanDocument& document,
                        const OutputOptions& options, ReportData* data) {
   std::vector<TargetBits> covered_until;

@@ -29,8 +29,8 @@
 namespace sightline {
 namespace {
 
-// Fractions of the whole command, by the time that the example head takes; opening the session
-// comes before, the outputs after.
+// Fractions of the whole command, by times for the example head. Opening the session comes before,
+// writing outputs after.
 constexpr ProgressPhase kPlanningPhase{kOpenSessionPhase.end, 0.5};
 constexpr ProgressPhase kBoundPhase{0.5, 0.7};
 constexpr ProgressPhase kAgainPhase{0.7, 0.87};
@@ -243,7 +243,7 @@ absl::Status PlanningRun::SearchFromAllStarts(SearchCheckpoint& checkpoint) {
   std::vector<StartResult> starts;
   size_t best = 0;
   for (int i = part_.number - 1; i < options_.starts.count; i += part_.count) {
-    // After an interruption the starts planned so far are kept, so that there is a plan.
+    // After an interruption, the starts planned so far give the plan.
     if (InterruptFlag() && !starts.empty()) break;
     SIGHTLINE_ASSIGN_OR_RETURN(auto start, SearchFromStart(i, checkpoint));
     starts.push_back(std::move(start));
@@ -255,7 +255,7 @@ absl::Status PlanningRun::SearchFromAllStarts(SearchCheckpoint& checkpoint) {
   }
   time_to_plan_s_ = SecondsSince(start_);
   if (!part_.IsWhole()) return absl::OkStatus();
-  // Starts that came after it have left theirs.
+  // Starts of other processes that ended meanwhile have stored their results.
   SIGHTLINE_RETURN_IF_ERROR(TakeStart(starts[best]));
   SetStarts(starts, document_.plan);
   return absl::OkStatus();
@@ -276,7 +276,7 @@ absl::StatusOr<StartResult> PlanningRun::SearchFromStart(int index, SearchCheckp
   checkpoint.LeaveAnswers(&session_);
   if (!searched.ok()) return searched;
   StartResult start = StartOf(result_, document_.plan, bound_);
-  // A search that was broken off is to go on another time.
+  // An interrupted search continues in a later run.
   if (InterruptFlag()) return start;
   SIGHTLINE_RETURN_IF_ERROR(checkpoint.KeepResult(start, name));
   return start;
@@ -297,7 +297,7 @@ absl::Status PlanningRun::Describe(const PlannerResult& result) {
                              MakePlanDocument(session_, result.scans,
                                               {options_.strategy, request_.seed, result.evaluations,
                                                StopReasonToProto(result.stop_reason)}));
-  // With several searches only the best is written.
+  // With several searches, only the best plan is written.
   if (options_.starts.Several()) return absl::OkStatus();
   if (!earlier_.files.empty()) {
     SIGHTLINE_RETURN_IF_ERROR(DescribeAsMeasured(earlier_, session_, &document_));

@@ -189,7 +189,7 @@ absl::StatusOr<std::vector<std::string>> WriteFiles(
   return paths;
 }
 
-// A smaller battery: fewer recordings, one effect at a time. A sentence on omissions.
+// A smaller set of tests: fewer recordings, one effect at a time. Returns a sentence on omissions.
 std::string MakeQuick(RecordedFolder* set, v1::CreateDiagnosisRequest* request) {
   const std::vector<int> chosen = QuickChoice(set->recordings);
   const int all = set->recordings.recordings_size();
@@ -255,7 +255,7 @@ absl::StatusOr<std::vector<std::string>> WriteAnswer(const DiagnoseOptions& opti
     warnings->insert(warnings->end(), result->warnings.begin(), result->warnings.end());
     for (const std::string& change : result->changes) PrintText("%s\n", change.c_str());
   } else {
-    // The finding is worth having without it.
+    // The finding is useful even without it.
     warnings->push_back(
         absl::StrCat("calibrated/inspection.json is not written: ", result.status().message()));
   }
@@ -283,7 +283,7 @@ absl::StatusOr<int> Diagnose(DiagnoseOptions options) {
   SIGHTLINE_ASSIGN_OR_RETURN(
       auto set, ReadRecordedFolder(options.input, Shown::kPlateOrPart, MissingValues::kAssume));
   if (options.out.empty()) options.out = (fs::path(set.folder) / "diagnosis").string();
-  // Mistakes show before the long work, not after it.
+  // Reports mistakes before the long computation.
   v1::Inspection nominal_part;
   std::vector<AssetFile> assets;
   v1::CreateDiagnosisRequest request;

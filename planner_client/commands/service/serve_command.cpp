@@ -14,7 +14,7 @@ Command AddServeCommand(CLI::App& app) {
   app.prefix_command();
   app.set_help_flag();
   return [&app] {
-    // It works on the requests of many.
+    // It handles requests of many clients.
     SetProcessTraceparent("");
     std::vector<std::string> words = {"sightline serve"};
     for (const std::string& word : app.remaining()) words.push_back(word);

@@ -107,8 +107,8 @@ bool NeedsUnit(const NewInspectionOptions& options) {
 
 // --- questions -----------------------------------------------------------------------------------
 
-// Asks on stderr until `take` accepts the answer, an empty one standing for `usual`. CANCELLED when
-// the input ends; INVALID_ARGUMENT after too many wrong answers.
+// Asks on stderr until `take` accepts the answer; an empty answer means `usual`. CANCELLED when the
+// input ends; INVALID_ARGUMENT after too many wrong answers.
 absl::Status Ask(const std::string& question, const std::string& usual,
                  const std::function<absl::Status(const std::string&)>& take) {
   for (int attempt = 0; attempt < kMostAttempts; ++attempt) {
@@ -274,8 +274,8 @@ absl::Status AskWhatIsMissing(NewInspectionOptions* options) {
 
 // --- devices -------------------------------------------------------------------------------------
 
-// The device of this name: of the data sheet or of the file, in any case, or a part of it that only
-// one has.
+// Finds the device of this name: from the data sheet or file, ignoring case, or a unique part of
+// it.
 template <typename Device, typename NameOf>
 absl::StatusOr<Device> FindDevice(const std::vector<Device>& devices, const char* kind,
                                   const std::string& name, const std::string& folder,
@@ -304,7 +304,7 @@ absl::StatusOr<Device> FindDevice(const std::vector<Device>& devices, const char
       NearestName(name, names), " (there are ", absl::StrJoin(names, ", "), ")"));
 }
 
-// As it is to stand in the inspection: from its folder.
+// Path as written into the inspection: relative to its folder.
 std::string FromFolderOf(const std::string& out, const std::string& file) {
   const fs::path folder = fs::absolute(out).lexically_normal().parent_path();
   return fs::absolute(file).lexically_normal().lexically_proximate(folder).string();
@@ -376,7 +376,7 @@ absl::Status CheckOptions(const NewInspectionOptions& options) {
     errors.Add(absl::NotFoundError(absl::StrCat(options.part, ": no such file")));
   } else if (NeedsUnit(options)) {
     const std::vector<SizeInUnit> sizes = PlausibleUnits(options.part);
-    // If the file cannot be read in any unit, loading it says why.
+    // If no unit allows reading the file, loading it gives the reason.
     if (!sizes.empty()) {
       errors.Add(absl::InvalidArgumentError(absl::StrCat(
           options.part, ": --unit is missing, the file carries none: ", UnitsText(sizes))));

@@ -22,8 +22,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A key of named pieces. Lengths stand before them, so that no two lists of pieces have the same
-// bytes.
+// A key of named pieces. Their lengths are included, so that different lists of pieces never have
+// the same bytes.
 class KeyOfPieces {
  public:
   void Add(std::string_view name, std::string_view value) {

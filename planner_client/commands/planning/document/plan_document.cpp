@@ -45,7 +45,7 @@ v1::Pose ToPose(const Eigen::Matrix4d& matrix) {
 }
 
 v1::PlannedScan DescribeScan(const PlanningSession& session, const ChosenScan& chosen) {
-  // As if the part lay where it should: the frame that points are delivered in.
+  // Poses for a part at its nominal place: the frame in which points are delivered.
   Rig rig = session.inspection.rig;
   rig.part_placement.reset();
   const Eigen::Vector3d centre = session.model_centre_m;
@@ -81,7 +81,7 @@ void AddVerdicts(const PlanningSession& session, const PlanKnowledge& knowledge,
   for (v1::FeatureVerdict& verdict : verdicts) *message.add_features() = std::move(verdict);
 }
 
-// How well the scans of every set-up are joined to the others.
+// Quality of the registration of every set-up's scans.
 void AddRegistration(const PlanningSession& session, const SharedErrors& errors,
                      const std::vector<int>& index_of, v1::Plan& plan) {
   v1::PlanUncertainty& message = *plan.mutable_uncertainty();
@@ -110,7 +110,7 @@ void AddRegistration(const PlanningSession& session, const SharedErrors& errors,
     }
     if (targets == 0) continue;
     v1::SetupRegistration& registration = *setup.mutable_registration();
-    // A frame that is not joined has no uncertainty of joining: 0 would look like a good one.
+    // An unjoined frame has no registration uncertainty; 0 would look like a good one.
     if (joined) {
       registration.set_standard_uncertainty_m(std::sqrt(squares_m2 / static_cast<double>(targets)));
     }
@@ -119,7 +119,7 @@ void AddRegistration(const PlanningSession& session, const SharedErrors& errors,
   }
 }
 
-// Validation targets that are known admissibly, and at most relaxed_uncertainty_m, after the scans.
+// Counts validation targets with admissible and with relaxed uncertainty after the scans.
 absl::Status AddValidation(const PlanningSession& session, std::span<const Measurement> scans,
                            v1::PlanUncertainty& message) {
   if (session.measured_gain_model != nullptr) {
@@ -151,7 +151,7 @@ absl::Status AddValidation(const PlanningSession& session, std::span<const Measu
   return absl::OkStatus();
 }
 
-// Whether linear propagation of the errors may be relied on, at some targets that each scan covers.
+// Checks the linear propagation of errors at some targets of each scan.
 void ExaminePropagation(const PlanningSession& session, const std::vector<ChosenScan>& scans,
                         v1::PlanUncertainty& message) {
   constexpr size_t kPerScan = 200;
@@ -302,7 +302,7 @@ absl::StatusOr<PlanDocument> MakePlanDocument(const PlanningSession& session,
     locked += scan.locked ? 1 : 0;
   }
   PlanDocument document;
-  // Scans that were given to be evaluated stay in their order.
+  // Given scans that are only evaluated keep their order.
   const bool given = source.stop_reason == v1::Plan::STOP_REASON_EVALUATED;
   const int fixed = given ? static_cast<int>(scans.size()) : locked;
   std::vector<RobotMove> moves;
@@ -396,7 +396,7 @@ absl::StatusOr<PlanDocument> MakePlanDocument(const PlanningSession& session,
 
 namespace {
 
-// Targets of the goal, or those that the plan satisfies if these are fewer.
+// Targets of the goal, or the number that the plan satisfies if that is smaller.
 int64_t TargetsOfBounds(const PlanningSession& session, const v1::Plan& plan) {
   const double satisfied = plan.has_uncertainty() ? plan.uncertainty().admissible_fraction()
                                                   : plan.coverage().coverage();
@@ -418,7 +418,7 @@ v1::ExecutionBound BoundToProto(double value, bool converged, const std::string&
 void SetBound(const PlanningSession& session, ScanCountBoundResult bound, v1::Plan& plan) {
   const TargetBits& wanted = session.gain_model->measurable();
   const int64_t goal_targets = TargetsOfBounds(session, plan);
-  // The search leaves room for errors that scans share, so its bound is for stricter requirements.
+  // The search reserves room for shared errors, so its bound applies to stricter requirements.
   const bool stricter = session.ForUncertainty() && HasSharedErrors(session.inspection);
   if (stricter) bound.converged = false;
   LowerGoal(wanted, goal_targets, bound);
@@ -447,7 +447,7 @@ void SetBound(const PlanningSession& session, ScanCountBoundResult bound, v1::Pl
 
 namespace {
 
-// Says how much the rig cannot measure at all, and why planning ended short of the goal.
+// States the fraction that the rig cannot measure, and why planning missed the goal.
 std::string SummariseReach(const v1::Plan& plan) {
   const v1::PlanCoverage& c = plan.coverage();
   std::string text;
@@ -492,7 +492,7 @@ std::string SummariseReach(const v1::Plan& plan) {
   return text;
 }
 
-// The bounds in words, a line each; nothing without a bound.
+// The bounds as sentences, one per line; empty without a bound.
 std::string SummariseBound(const v1::ScanCountBound& bound) {
   std::string text;
   for (const std::string* statement :

@@ -17,10 +17,10 @@
 namespace sightline {
 namespace {
 
-// Part of the measurable targets that a scan which is worth its set-up adds.
+// Fraction of the measurable targets that a scan must add to be worth its set-up.
 constexpr double kLittle = 0.005;
 
-// The scan's geometry with the part where it should lie.
+// The scan's geometry with the part at its nominal place.
 ScanGeometry GeometryOf(const PlanningSession& session, const Measurement& measurement) {
   Rig rig = session.inspection.rig;
   rig.part_placement.reset();
@@ -104,7 +104,7 @@ void AddSetupRuns(const PlanningSession& session, v1::Plan* plan) {
       const ChangeTimes change =
           i > 0 ? TimesBetween(execution, scans[i - 1], scans[i]) : TimesBeforeFirst(execution);
       time.set_scan(time.scan() + scan.scan_time_s());
-      // Repositioning by speeds is of the part as of the sensors; it is counted as turning.
+      // Repositioning by speeds concerns part and sensors alike; it is counted as turning.
       time.set_turn(time.turn() + change.turn_s + change.reposition_s);
       time.set_lay(time.lay() + change.lay_s);
       time.set_move_sensors(time.move_sensors() + change.move_sensors_s);
@@ -113,7 +113,7 @@ void AddSetupRuns(const PlanningSession& session, v1::Plan* plan) {
   }
 }
 
-// Parameters outside what the inspection allows, in words; empty: none.
+// Lists parameters outside the inspection's limits; empty: none.
 std::string OutsideDomain(const MeasurementDomain& domain, const Measurement& measurement) {
   const auto values = ToArray(measurement);
   std::string outside;

@@ -30,19 +30,19 @@
 namespace sightline {
 namespace {
 
-// Plans are only scored on validation targets, exactly: their field serves to find out which of
-// them can be measured, and directions between its own are tried there anyway.
+// Plans are scored on validation targets only exactly. Their direction field only serves to find
+// the measurable ones, for which directions between its own are tried anyway.
 constexpr int kFreshFieldDirections = 576;
 
-// The part of opening a session that the light of the materials takes, where it is asked for.
+// Fraction of opening a session for the light of the materials, if requested.
 constexpr ProgressPhase kLightPhase{kOpenSessionPhase.begin, 0.5 * kOpenSessionPhase.end};
 
-// Another seed than the one of the plan's own targets, which follows from it.
+// Seed different from that of the plan's own targets, but derived from it.
 int64_t FreshSeed(int64_t seed) {
   return static_cast<int64_t>(DeriveSeed(static_cast<uint64_t>(seed), 41) >> 1);
 }
 
-// Whether camera and laser find no room at the ends of the domain's distances and angles.
+// True if camera and laser overlap at the extreme distances and angles of the domain.
 bool NoRoomForBodies(const Inspection& inspection) {
   const auto ends = [](const ParameterDomain& domain) {
     std::vector<double> values = domain.values;
@@ -104,7 +104,8 @@ std::string LimitsText(const TargetSampling& targets) {
   return text.empty() ? "none" : text;
 }
 
-// Part of the admissible uncertainty that the search may use up: errors that scans share follow
+// Fraction of the admissible uncertainty that the search may use: shared errors depend on the whole
+// plan, which the search does not know.
 // from the whole plan and are not known to it.
 constexpr float kSharedErrorMargin = 0.9F;
 

@@ -66,7 +66,7 @@ void PrintReach(const PlanningSession& session) {
 }
 
 ReportSolid SolidForReport(const Shape& shape) {
-  // Limit for a page; of finer meshes some triangles are left out.
+  // Limit for a page; finer meshes lose some triangles.
   constexpr size_t kMostTriangles = 20000;
   ReportSolid solid;
   if (const auto* box = std::get_if<BoxShape>(&shape.solid)) {
