@@ -34,7 +34,7 @@ namespace sightline {
 
 namespace {
 
-// Positions of the plate: speckle of fewer does not determine so many parameters.
+// Number of plate positions; the speckle of fewer does not determine so many parameters.
 constexpr int kLeastPositions = 4;
 constexpr int kProfiles = 4;        // recordings with pictures in the report
 constexpr int kNextRecordings = 3;  // recordings to make next that are proposed at most
@@ -111,8 +111,8 @@ std::vector<const Effect*> EffectsToConsider(const RecordedSet& set,
   return effects;
 }
 
-// Describes a model comparison that was stopped at the fraction `done`. It has no calibrated set:
-// nobody should render or plan with values that may still change.
+// Describes a model comparison that was stopped at the fraction `done`. It has no calibrated set,
+// since values that may still change must not be used for rendering or planning.
 v1::Diagnosis DescribeUnfinished(const SetModel& model, const ModelComparison& comparison,
                                  size_t effects, double done, uint64_t seed) {
   v1::Diagnosis diagnosis;

@@ -33,8 +33,8 @@ constexpr std::string_view kNotInPoses[] = {
     "unknown.setup",
 };
 
-// Effects that poses cannot show where the light is not stated either. Values that nobody stated
-// cannot be in error; a response curve needs known amounts of light, a dark signal exposure times.
+// Effects that poses cannot show if the light is not stated either. Unstated values have no error;
+// a response curve needs known amounts of light, a dark signal exposure times.
 constexpr std::string_view kNeedStatedLight[] = {
     "geometry.laser_distance_error",
     "illumination.beam_focus",

@@ -23,7 +23,7 @@ const std::vector<const Effect*>& Registry() {
   return effects;
 }
 
-// At most so much of a name from outside is looked at and repeated.
+// Limits the length of an external name that is examined and quoted.
 std::string Head(std::string_view name) { return std::string(name.substr(0, 100)); }
 
 }  // namespace

@@ -33,7 +33,7 @@ int MostProbable(const std::vector<ComparedModel>& models, Include&& include) {
   return best;
 }
 
-// Probabilities by evidence and prior among the models of which `include` holds, times `share`.
+// Probabilities by evidence and prior among the models that `include` accepts, times `share`.
 template <typename Include>
 void ShareOut(const std::vector<ComparedModel>& models, double share, Include&& include,
               std::vector<double>* probability) {

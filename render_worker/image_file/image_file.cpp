@@ -23,7 +23,7 @@
 namespace sightline {
 namespace {
 
-// TIFF's way to say that it is not known; the library would write the time of day.
+// TIFF's code for an unknown time; otherwise the library would write the current time.
 constexpr char kUnknownTime[] = "    :  :     :  :  ";
 
 absl::Status WriteError(const std::string& path, const std::string& reason) {
@@ -41,8 +41,8 @@ bool IsWhole(const std::string& path) {
   return file->read_image(0, 0, 0, spec.nchannels, OIIO::TypeDesc::UNKNOWN, pixels.data());
 }
 
-// Formats that cannot be made in memory. Their writers do not say when the disk was full at the
-// end, so what they wrote is read again.
+// For formats that cannot be made in memory. Their writers do not report a full disk at the end, so
+// the written file is read again.
 absl::Status WriteThroughFile(OIIO::ImageOutput& file, const std::string& path,
                               const OIIO::ImageSpec& spec, const OIIO::TypeDesc& type,
                               const void* data) {

@@ -380,9 +380,9 @@ absl::StatusOr<AdaptiveResult> SampleAdaptively(int columns, int rows,
   AdaptiveResult result;
   PixelValues means[2], filtered;
   std::vector<float> variance[2], error2;
-  // The choice of pixels that get more samples uses means over several pixels: a pixel's own spread
-  // goes with its own mean, and choosing by it would bias the image. Of the first round: square
-  // error after the filter, mean.
+  // The choice of pixels for further samples uses means over several pixels: a pixel's own variance
+  // correlates with its own mean, and choosing by it would bias the image. Both are from the first
+  // round: square error after the filter, and mean.
   std::vector<float> first_error2, first_mean;
   std::vector<float> uniform(pixels);
   absl::Status status;

@@ -49,8 +49,8 @@ Eigen::Vector3d CameraRays::ChiefDirection(double u_m, double v_m) const {
 
 double CameraRays::FocusDistance(double u_m, double v_m) const {
   if (slope_u_ == 0 && slope_v_ == 0) return focus_distance_m_;
-  // 1/d = 1/f - 1/b with 1/f = 1/d_0 + 1/b_0. The calibrated image distance stands for b_0, from
-  // which it differs by parts in a thousand.
+  // 1/d = 1/f - 1/b with 1/f = 1/d_0 + 1/b_0. The calibrated image distance replaces b_0; both
+  // differ by parts in a thousand.
   const double vergence = 1 / focus_distance_m_ + 1 / image_distance_m_ -
                           SensorVergence({image_distance_m_, slope_u_, slope_v_}, u_m, v_m);
   // Beyond infinity nothing is in focus: the farthest that rays can be aimed at.

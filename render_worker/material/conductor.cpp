@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Rough metal: GGX facets with the exact Fresnel reflectance of a measured refractive index n + ik.
-// Light reflected more than once between facets is left out, so rough metals come out a little dark
-// (at alpha 0.4 a few per cent); the diffuse share can stand for it.
+// Multiple reflection between facets is neglected, so rough metals are slightly too dark (a few per
+// cent at alpha 0.4); the diffuse share can compensate for it.
 #include <algorithm>
 #include <array>
 #include <cmath>

@@ -21,13 +21,13 @@ namespace {
 
 // Range of the default exposures: parts and multiples of what fills a pixel.
 constexpr double kDarkest = 1.0 / 25, kBrightest = 4;
-// Places so much darker than the median of the line are given up.
+// Points darker than the median of the line by more than this factor are ignored.
 constexpr double kLargestContrast = 100;
 constexpr double kLargestRatio = 1e5;
 constexpr double kLargestTilt_rad = 30 * std::numbers::pi / 180;
 constexpr int kFirstFocusDistances = 5, kFocusRounds = 2;
-// Exposures at which a focus distance or a power is looked at before it is searched properly: at
-// least so many, and while they are at most thrice as many no farther apart than this ratio.
+// Number of exposures for a coarse evaluation of a focus distance or power before the full search:
+// at least this many; up to three times as many, no farther apart than this ratio.
 constexpr int kGlanceExposures = 5;
 constexpr double kGlanceRatio = 3;
 // Exposures that pairs are made of.
@@ -309,7 +309,7 @@ class Chooser {
     return FocusOnSheet(first, inspection_, f_number);
   }
 
-  // The lens settings to try, and for a range of focus distances those beside the best.
+  // Tries the lens settings and, for a range of focus distances, those next to the best.
   absl::Status TryFNumber(double f_number) {
     std::string refused;
     const std::optional<ExposureGrid> grid = GridAt(f_number, &refused);
@@ -345,7 +345,7 @@ class Chooser {
     }
     if (planning_.focus_distance_m && planning_.focus_distance_m->is_range()) {
       for (int round = 0; round < kFocusRounds; ++round) {
-        // Untilted ones by distance; the gaps beside the best.
+        // Untilted settings by distance, then the gaps next to the best.
         std::vector<std::pair<double, double>> by_distance;
         for (const auto& [lens, judged] : seen) {
           if (!Tilted(lens)) by_distance.emplace_back(lens.focus_distance_m, judged.cost());
@@ -426,7 +426,7 @@ class Chooser {
     return absl::OkStatus();
   }
 
-  // Pairs of the exposures that were looked at with the best single one's lens.
+  // Tries pairs of the exposures that were evaluated with the best single exposure's lens setting.
   absl::Status TryPairs() {
     const FNumberChoice& here = choice_.curve[choice_.best];
     const JudgedSetting single = choice_.best_single();

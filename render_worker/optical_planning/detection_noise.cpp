@@ -15,7 +15,7 @@ constexpr double kFewestFound = 100;
 constexpr int kGridSteps = 6;
 constexpr int kMostIterations = 50;
 constexpr double kConverged = 1e-10;
-// Beyond, ln sigma^2 and logit a are numbers that no count of columns could tell apart.
+// Limit of ln sigma^2 and logit a; no number of columns could distinguish values beyond it.
 constexpr double kMostLinear = 30;
 // A line found as badly is uninformative; an inspection's table states no more
 // (core/uncertainty/uncertainty_model.cpp).

@@ -12,8 +12,8 @@
 namespace sightline {
 namespace {
 
-// Times that are looked at first: at least so many, and no farther apart than this ratio while they
-// are at most twice as many.
+// Number of times evaluated first: at least this many; up to twice as many, no farther apart than
+// this ratio.
 constexpr int kFirstTimes = 12;
 constexpr double kFirstRatio = 1.6;
 // Neighbours of the best whose times differ by less than this ratio are near enough.

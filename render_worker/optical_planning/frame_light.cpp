@@ -197,8 +197,8 @@ std::vector<LineCrossing> FindTrueLine(const SceneView& view, const SubPixelGrid
       const std::vector<double> left = CrossingRows(camera, view, grid, laser, right - 1);
       std::vector<double> between;
       for (const double row : rows) {
-        // The same crossing half a sub-pixel to the left and to the right; where one is missing, at
-        // an edge, the other stands for both.
+        // The same crossing half a sub-pixel to the left and to the right. At an edge, where one is
+        // missing, the other replaces it.
         const auto nearest = std::min_element(left.begin(), left.end(), [row](double a, double b) {
           return std::abs(a - row) < std::abs(b - row);
         });

@@ -25,11 +25,11 @@ namespace sightline {
 namespace {
 
 constexpr char kNoLine[] = "NO_LINE";
-// Frames of a scan that are glanced at; more of them, evenly spaced, say nothing new.
+// Largest number of evenly spaced frames of a scan that are evaluated coarsely; more add nothing.
 constexpr int kMostGlances = 64;
 // Larger single frames are cut to the rows about their line, as those of scans are.
 constexpr int64_t kWholeFramePixels = int64_t{1} << 20;
-// About the line, so that false lines beside it are seen.
+// Margin around the line, so that false lines next to it are seen.
 constexpr int kRoiMargin_px = 48;
 // Frames of all scans together that one common setting is chosen by.
 constexpr int kCommonFrames = 16;
@@ -40,7 +40,7 @@ constexpr double kWorthTrying = 1.6;
 // frames with the chosen setting. The rest is the frame that checks them.
 constexpr double kShareOfTracing = 0.2, kShareOfChoice = 0.75, kShareOfFrames = 0.025;
 constexpr int kPictureColumns_px = 384, kPictureRows_px = 128;
-// Below this the frames hardly stand for their scan.
+// Below this fraction the frames represent their scan poorly.
 constexpr double kPoorlyRepresented = 0.5;
 
 bool IsCancelled(const RenderLimits& limits) {
@@ -63,7 +63,7 @@ struct Scan {
   bool lit() const { return lit_samples > 0; }
 };
 
-// A frame that stands for others, with the length of line it stands for.
+// A frame that represents others, with the length of line that it represents.
 struct ChosenFrame {
   const SeenFrame* seen = nullptr;
   int scan = 0;
@@ -253,9 +253,9 @@ class OpticsPlanner {
     return margin;
   }
 
-  // Traced light of the group's frames, weighted so that sums over them stand for the whole. Frames
-  // in which the coarse evaluation took something else for a line leave the group; NO_LINE if all
-  // do. Progress goes on from `begin` by `share`, fractions of the group's work.
+  // Traces the light of the group's frames, weighted so that sums over them represent the whole.
+  // Frames whose coarse evaluation mistook something else for a line leave the group; NO_LINE if
+  // all do. Progress runs from `begin` over `share`, as fractions of the group's work.
   absl::StatusOr<std::vector<WeightedFrame>> Trace(FrameGroup& group, double begin, double share) {
     FrameLightOptions options;
     options.margin_px = Margin(group);
@@ -313,8 +313,8 @@ class OpticsPlanner {
     return fastest;
   }
 
-  // Focus distance where none is asked for: the inspection's; else the camera distance of a single
-  // scan, and of several the distance at which their lines are least out of focus (mean of
+  // Default focus distance: the inspection's; else, for a single scan, its camera distance,
+  // and for several scans the distance with the least defocus of their lines (mean of
   // 1/depth).
   double StatedFocus_m(const FrameGroup& group, const std::vector<WeightedFrame>& traced) const {
     const std::optional<double>& stated = inspection_.rig.lens->focus_distance_m;

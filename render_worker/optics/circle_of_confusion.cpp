@@ -15,7 +15,7 @@ namespace {
 
 // Resolution of the radii [samples].
 constexpr double kRadiusStep = 0.125;
-// Places per sample and axis at which a disc's rim is looked at.
+// Points per sample and axis at which a disc's rim is evaluated.
 constexpr int kRimSamples = 8;
 // Largest disc that is made sample by sample, and how often samples may double for larger ones.
 constexpr float kLargestDisc = 24;

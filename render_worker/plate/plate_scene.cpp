@@ -95,8 +95,8 @@ void RenderAmbient(const PlateScene& scene, const FrameSetup& frame, const Plate
   }
 }
 
-// Pixels of the grid with laser light: those with any at a corner. Lines are wider than a pixel, so
-// the samples of all others need not be looked at.
+// Pixels of the grid with laser light at any corner. Lines are wider than a pixel, so the samples
+// of all other pixels can be skipped.
 Image<uint8_t> FindLitPixels(const PlateScene& scene, const PlateView& view,
                              const SubPixelGrid& grid, int threads) {
   constexpr double kDarkShare = 1e-12;

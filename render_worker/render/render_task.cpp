@@ -245,7 +245,7 @@ class PartTask final : public RenderTask {
     Lens lens = *inspection_.rig.lens;
     Laser laser = inspection_.rig.laser;
     if (requests_[0].setting) {
-      // A warning says so if frames differ in these.
+      // A warning is added if frames differ in these values.
       laser.power_w = requests_[0].setting->laser_power_w;
       lens.sensor_tilt_x_rad = requests_[0].setting->sensor_tilt_x_rad;
       lens.sensor_tilt_y_rad = requests_[0].setting->sensor_tilt_y_rad;

@@ -26,8 +26,8 @@ namespace {
 // Share of light transport in the reported progress; the rest are fits. Chosen after the usual
 // share of the time.
 constexpr double kTransportShare = 0.75;
-// Above this held-out chi squared per degree of freedom a warning says that the best model is
-// incomplete. Chosen: 1 plus several standard deviations sqrt(2/n) of some hundred blocks.
+// Held-out chi squared per degree of freedom above which a warning calls the best model incomplete.
+// Chosen: 1 plus several standard deviations sqrt(2/n) of some hundred blocks.
 constexpr double kIncompleteFit = 1.5;
 
 absl::StatusOr<SceneLight> TraceLight(const RecordedScene& scene,

@@ -366,7 +366,7 @@ absl::StatusOr<NonUniformity> MeasureNonUniformity(const FrameStack& dark,
   if (!(signal > 0)) return Error("the bright stack is not brighter than the dark one");
 
   const auto root = [](double variance, double error) {
-    // Near zero the root of the error tells how large it may be.
+    // Near zero, the standard error is the root of the variance's error.
     if (variance <= error) return Estimate{std::sqrt(std::max(variance, 0.0)), std::sqrt(error)};
     return Estimate{std::sqrt(variance), error / (2 * std::sqrt(variance))};
   };

@@ -78,7 +78,7 @@ Settings CommonSettings(const v1::CreateDiagnosisRequest& request, int threads) 
 
 }  // namespace
 
-// A set that can be looked at, with its share of the memory.
+// A checked set, with its share of the memory.
 struct DiagnosisServiceImpl::CheckedSet {
   SharedLimit::Share memory;
   RecordingSet description;

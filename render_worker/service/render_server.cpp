@@ -36,7 +36,7 @@ JobLimits JobLimitsOf(const RenderServerOptions& options) {
           .max_bytes_of_owner = share_of(options.max_queued_bytes)};
 }
 
-// Calls a function now and then, in a thread of its own, until it goes.
+// Calls a function periodically, in its own thread, until destruction.
 class Sweeper {
  public:
   Sweeper(absl::Duration interval, std::function<void()> sweep)

@@ -342,7 +342,7 @@ double LightThrough(const Pupil& pupil, const SampledPupil& sampled, int row, in
   return sum / (kParts * kParts);
 }
 
-// A line of Gaussian profile, as it is looked at.
+// A line of Gaussian profile with the optics that image it.
 struct SpeckledLine {
   double wavelength_m, image_distance_m, blur, pixel_pitch_m;
   double line_m, lit_m;  // standard deviations without and with diffraction
@@ -465,8 +465,8 @@ LineSpeckle::LineSpeckle(const Pupil& pupil, double wavelength_m, double image_d
   const int lag = std::clamp(2 + static_cast<int>(std::ceil(3 * size_px)), 3, 10);
   const int row_reach = 1 + static_cast<int>(std::ceil(1.5 * size_px));
   spacing_m_ = (blur_radius_m + 2 * lit_m) / kSides;
-  // The same line through the same lens is looked at again and again: most effects leave both
-  // alone.
+  // The same line through the same lens recurs often, since most effects leave both
+  // unchanged.
   using Key = std::tuple<Pupil, double, double, double, double, double>;
   constexpr size_t kMost = 4096;  // up to 9 kB each
   static auto* const known =

@@ -251,7 +251,7 @@ absl::StatusOr<v1::Verification> Verify(const RecordedSet& set,
         }
       }
       std::unique_lock lock(mutex);
-      // Wakes up now and then to ask whether to go on.
+      // Wakes up periodically to check for cancellation.
       if (!finished.wait_for(lock, std::chrono::milliseconds(100), [&] { return done != told; })) {
         told = -1;
       }

@@ -115,7 +115,7 @@ Image<double> NeighboursOfLevel::After(const ActiveEffect& effect, const FrameSe
   for (int column = 0; column < electrons.columns_px; ++column) {
     const int beside = electrons.columns_px > 1 ? column ^ 1 : 0;
     for (int parity = 0; parity < 2; ++parity) {
-      // Every second row is looked at, in the middle; the rest are neighbours.
+      // Evaluates every second row, in the middle; the other rows are its neighbours.
       Image<double> around(3, electrons.rows_px);
       for (int row = 0; row < around.rows_px; ++row) {
         around.At(row, 1) = row % 2 == parity ? std::min(full_electrons_, electrons.At(row, column))

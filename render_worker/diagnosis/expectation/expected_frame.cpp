@@ -293,7 +293,7 @@ std::vector<Image<double>> PhotoElectronsOfLevels(int level_count, const Expecte
 Image<double> ChargeOfLevel(int level, Image<double> electrons, double dark_electrons,
                             const LevelModel& model, const FrameSetup& frame,
                             std::span<const ActiveEffect> effects) {
-  // Fuller pixels give the same numbers, whatever the noise.
+  // Charge beyond this limit gives the same raw values for any noise.
   const double capacity = frame.sensor.saturation_capacity_electrons;
   const double overfull_electrons = capacity + 6 * std::sqrt(capacity);
   for (double& value : electrons.values) {

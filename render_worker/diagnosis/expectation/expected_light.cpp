@@ -23,7 +23,7 @@ constexpr int kPlacesAlongBlock = 16;
 constexpr double kLitAlongLine = 1e-3;  // of the brightest, across the line
 constexpr double kNoLight = 1e-9;       // of the brightest place's: all such places count as dark
 
-// Place on the plate that a place of the sensor sees, and its distance from the lens.
+// Point on the plate that a sensor position sees, and its distance from the lens.
 struct PlatePoint {
   double x_m = 0, s_m = 0, distance_m = 0;
 };
@@ -298,8 +298,8 @@ void AddAmbient(const PlateScene& scene, const FrameSetup& frame, const OpticsMo
   }
 }
 
-// Multiplies the light of a column sample by the mean of a pattern over the block that the sample
-// stands for. Rows without laser light stay as they are.
+// Multiplies the light of a column sample by the mean of a pattern over the segment that the sample
+// represents. Rows without laser light stay unchanged.
 void MultiplyByBlockMean(const ActiveEffect& pattern, const FrameSetup& frame, int block_columns_px,
                          Image<float>& light) {
   const auto lit = [](float value) { return value > 0; };

@@ -202,7 +202,7 @@ std::vector<std::complex<double>> SampledTransfer(const Pupil& pupil, double wav
     const int below = static_cast<int>(shift);
     if (below >= samples * padding) break;
     const double t = shift - below;
-    // The other way round than the transform goes.
+    // Sign opposite to that of the transform.
     const std::complex<double> here(correlation[below]), next(correlation[below + 1]);
     transfer[k] = std::conj((1 - t) * here + t * next);
   }
@@ -241,7 +241,7 @@ std::vector<std::complex<double>> LineTransfer(const Pupil& pupil, double wavele
                                                double image_distance_m,
                                                double defocus_curvature_per_m, double step_per_m,
                                                int count) {
-  // The same lens is looked at again and again: most effects leave it as it is.
+  // The same lens recurs often, since most effects leave it unchanged.
   using Key = std::tuple<Pupil, double, double, double, double, int>;
   constexpr size_t kMost = 4096;  // 16 kB each
   static auto* const known = new Memo<Key, std::vector<std::complex<double>>>(kMost);

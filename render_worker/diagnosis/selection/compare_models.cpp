@@ -172,7 +172,7 @@ ModelComparison CompareModels(const SetModel& model, const FitResult& null,
     }
   }
 
-  // 8. Locate unknown physics, and find what these recordings cannot tell apart.
+  // 8. Locate unknown physics, and find effects that these recordings cannot distinguish.
   if (IsFreeForm(result.ranked.front())) result.transfer = TransferOfStages(context, result.ranked);
   result.same_class = EquivalenceClass(context, about_null, result.ranked);
   return Finish(std::move(context), std::move(result));

@@ -11,11 +11,11 @@
 namespace sightline {
 namespace {
 
-// Different numbers that must occur. Derived: if both values of the lowest bit were equally likely,
-// it would be 0 in all of so many numbers with a probability of 2^-16.
+// Least number of different values. Derived: if both values of the lowest bit are equally likely,
+// it is 0 in this many values with a probability of 2^-16.
 constexpr size_t kLeastNumbers = 16;
 
-// Lowest bits that are 0 in all numbers; 0: too few different numbers to tell.
+// Number of lowest bits that are 0 in all values; 0 also if there are too few different values.
 int MissingBits(const RecordedSet& set) {
   std::bitset<1 << 16> occurs;
   uint32_t bits = 0;

@@ -59,7 +59,7 @@ TermSelection SelectCoefficients(const Eigen::VectorXd& standardised,
     const Eigen::VectorXd weighed = theirs.solve(standardised(at));
     Eigen::VectorXd moved = standardised - covariance(Eigen::all, at) * weighed;
     moved(at).setZero();
-    // The fit's normal priors are taken off: the evidence has LogParameterPrior in their place.
+    // Removes the fit's normal priors; the evidence contains LogParameterPrior instead.
     const double chi_squared =
         standardised(at).dot(weighed) - (square(moved) - square(standardised));
     const double log_determinant = 2 * theirs.matrixLLT().diagonal().array().log().sum();

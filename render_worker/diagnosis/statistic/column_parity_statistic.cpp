@@ -66,7 +66,7 @@ struct ParitySums {
   double Contrast() const { return Total() > 0 ? 2 * (signal[1] - signal[0]) / Total() : 0; }
 };
 
-// Column of a sample that stands for the columns of a parity of the region.
+// Column of a sample that represents the region's columns of one parity.
 int SampleColumn(const ExpectedFrame& sample, int column) {
   return std::min(column, sample.mean_dn.columns_px - 1);
 }

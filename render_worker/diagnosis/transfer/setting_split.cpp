@@ -20,7 +20,7 @@ constexpr int kComponentsTogether = 2;
 // Blocks of fewer components are not divided by pixels.
 constexpr int kFewestComponents = 2 * kComponentsTogether;
 
-// Value of a setting in a recording; unset: it says nothing about it.
+// Value of a setting in a recording; unset if the setting does not apply to it.
 using SettingValue = std::optional<double>;
 
 struct Setting {

@@ -262,8 +262,8 @@ class PowerCourseTerm final : public FreeFormEffect {
   }
 };
 
-// Any course of the power that the recordings' own amounts of light tell: white noise where it
-// forgets between recordings, a course in time where it does not. Drawn for every recording
+// Arbitrary variation of the power, determined by the light of each recording: white noise without
+// correlation between recordings, otherwise a course in time. It is random per recording
 // (scatter_law), so it changes no expectation.
 class PowerScatterTerm final : public FreeFormEffect {
  public:

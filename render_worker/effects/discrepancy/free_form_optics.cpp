@@ -12,8 +12,8 @@ namespace {
 
 constexpr double kFullAperture = 1.4;
 
-// Halos are sums of Gaussians, so that light is conserved whatever their signs: the transfer
-// function is 1 at 0.
+// Halos are sums of Gaussians. The transfer function is 1 at 0, so light is conserved for any
+// signs.
 class HaloTerm final : public FreeFormEffect {
  public:
   HaloTerm()

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Model-discrepancy terms of the sensor: response, colours, dark signal, charge that goes astray in
-// space and time. Noise and codes: free_form_readout.cpp.
+// Model-discrepancy terms of the sensor: response, colours, dark signal, charge displaced in space
+// and time. Noise and codes: free_form_readout.cpp.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -238,8 +238,8 @@ class ColumnSensitivityTerm final : public FreeFormEffect {
   int first_harmonic_;
 };
 
-// Charge that flows between neighbouring pixels of the region; the sum stays. `between_rows` and
-// `between_columns` tell what flows from one pixel to the other.
+// Charge flow between neighbouring pixels of the region; the sum is conserved. `between_rows` and
+// `between_columns` give the flow from one pixel to the other.
 template <typename Flow>
 void MoveBetweenNeighbours(Image<double>& electrons, const Flow& between_rows,
                            const Flow& between_columns) {

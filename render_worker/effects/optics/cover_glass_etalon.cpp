@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Interference between the faces of the cover glass: straight fringes fixed on the sensor, in laser
 // light only (other light is too broad-band). 1 + V cos(2 pi (u cos a + v sin a)/period + phase),
-// averaged over the pixel. The phase is drawn for a camera; the parameter is added to it, which is
-// how recordings of that camera can be matched.
+// averaged over the pixel. Each camera has a random phase; the parameter is added to it so that
+// recordings of that camera can be matched.
 #include <boost/math/special_functions/sinc.hpp>
 #include <cmath>
 #include <numbers>
@@ -47,8 +47,8 @@ class CoverGlassEtalonEffect final : public DescribedEffect {
     });
   }
 
-  // Fringes of period P at the angle a change by x = pi columns cos(a)/P along the block: half of
-  // V^2 is their variance, of which the mean over the block keeps (sin(x)/x)^2.
+  // Fringes of period P at the angle a change by x = pi columns cos(a)/P along the block. Their
+  // variance is V^2 / 2, of which the mean over the block keeps (sin(x)/x)^2.
   double VarianceWithinBlock(int columns_px, Parameters p) const override {
     const double x = std::numbers::pi * columns_px / p[1] * std::cos(p[2] * std::numbers::pi / 180);
     const double of_mean = std::abs(x) < 1e-6 ? 1 : std::sin(x) / x;

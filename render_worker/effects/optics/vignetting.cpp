@@ -28,7 +28,7 @@ class MechanicalVignettingEffect final : public DescribedEffect {
     const Sensor& sensor = frame.sensor;
     const double corner_m =
         0.5 * sensor.pixel_pitch_m * std::hypot(sensor.columns_px, sensor.rows_px);
-    // A rim that cuts nothing anywhere leaves the lens as it is, alike over the field.
+    // A rim that does not cut anywhere leaves the lens unchanged and uniform over the field.
     if (std::abs(shift) * corner_m + optics.pupil(0, 0).OuterRadius() <= rim) return;
     if (shift != 0) optics.field_dependent = true;
     optics.pupil = [rim, shift, before = std::move(optics.pupil)](double u_m, double v_m) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Light that enters the surface and leaves it beside: across the line a part f spreads as
-// exp(-|s|/l)/(2 l), the rest stays.
+// Light that enters the surface and leaves it at another point: across the line a fraction f
+// spreads as exp(-|s|/l)/(2 l), the rest stays.
 #include <algorithm>
 #include <cmath>
 #include <memory>

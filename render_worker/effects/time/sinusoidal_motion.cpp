@@ -25,7 +25,7 @@ class Motion {
       remainder_[k] =
           std::sin(phase + kTurn * (periods - whole) * (static_cast<double>(k) + 0.5) / kMoments);
     }
-    // No time at all: the place at that moment.
+    // An exposure of zero duration: the displacement at that moment.
     whole_share_ = periods > 0 ? whole / periods : 0;
     Tabulate();
   }

@@ -43,8 +43,8 @@ PathTracer::PathTracer(const RayScene& scene, const std::vector<Spectrum>& chann
       max_bounces_(max_bounces),
       weights_(channel_weights) {
   for (const auto& lamp : scene.description().area_lights) {
-    // A lamp is counted as what it adds to ambient light, which then comes from everywhere: a ray
-    // that meets a lamp tells no more of it than one that leaves the scene.
+    // A lamp contributes its radiance minus the ambient radiance. Ambient light then comes from all
+    // directions, also along rays that meet a lamp.
     sources_.push_back(lamp.radiance_w_m2_sr);
     for (int b = 0; b < kSpectralBins; ++b) {
       sources_.back()[b] -= scene.description().ambient_radiance_w_m2_sr[b];
@@ -140,7 +140,7 @@ int PathTracer::Direct(const SurfacePoint* first, const Eigen::Vector3f& directi
                   Value(Reflectance<Value>(point, out, in) * (weight * in.z() / lamp.pdf)));
       }
     }
-    // A direction drawn from the BRDF needs a ray only if it meets a lamp.
+    // A direction sampled from the BRDF needs a ray only if it meets a lamp.
     const auto v = samples.Next();
     const Material::Sample sample =
         point.material->SampleDirection(out, point.detail, v[0], v[1], v[2]);

@@ -9,7 +9,7 @@
 namespace sightline {
 namespace {
 
-// Light vertices looked at per camera vertex: on the line, after one reflection, after more each.
+// Light vertices examined per camera vertex: on the line, after one reflection, after more.
 constexpr int kCandidates[3] = {32, 16, 8};
 constexpr int kMaxCandidates = 128;
 // Connections made from the first camera vertex, from later ones.

@@ -24,7 +24,7 @@ constexpr int kAzimuths = 180;
 constexpr int kCells = kHalfAngles * kDifferenceAngles * kAzimuths;
 // Scale from the file's numbers to the BRDF, red, green, blue (Matusik's BRDFRead).
 constexpr float kScale[3] = {1.0F / 1500, 1.15F / 1500, 1.66F / 1500};
-// Wavelengths the three colours stand for; linear in between.
+// Wavelengths of the three colours; linear in between.
 constexpr double kWavelength_m[3] = {620e-9, 550e-9, 460e-9};
 
 struct Cell {

@@ -13,7 +13,7 @@
 namespace sightline {
 namespace {
 
-// Blocks stand out from this residual on [standard deviations]: the usual three-sigma rule.
+// Residual above which blocks are significant [standard deviations]: the usual three-sigma rule.
 constexpr double kExcess = 3;
 
 std::string SurfaceName(const Inspection& inspection, int material) {
@@ -22,8 +22,8 @@ std::string SurfaceName(const Inspection& inspection, int material) {
   return !choice.part_material.empty() ? choice.part_material : choice.material.name();
 }
 
-// All blocks that stand out and are connected with `start`, in the order of a breadth-first search,
-// which marks them in `seen`.
+// All significant blocks connected with `start`, in the order of a breadth-first search, which
+// marks them in `seen`.
 std::vector<int> ConnectedBlocks(const BlockGrid& grid, const Eigen::VectorXd& residuals, int start,
                                  std::vector<bool>* seen) {
   std::vector<int> region = {start};

@@ -51,8 +51,8 @@ ModelCounts CountsOf(const SortedPaths& paths) {
           .stages = 1};
 }
 
-// Logarithm of the prior of the smooth map by itself and beside each effect. It is fitted by itself
-// only, since it is free enough to contain what it would be beside an effect.
+// Logarithm of the prior of the smooth map alone and in addition to each effect. It is only fitted
+// alone, since it is flexible enough to contain any additional effect.
 double LogPriorOfMap(const ModelCounts& counts) {
   const double beside = LogPriorOfDiscrepancy(counts, true) + std::log(counts.effects);
   return LogAdd(LogPriorOfDiscrepancy(counts, false), beside);

@@ -18,8 +18,8 @@ namespace {
 // Prior standard deviation of a scale whose uncertainty the description does not state [1]: power,
 // albedo and transmission of a rig that nobody has calibrated. An assumption.
 constexpr double kUnstatedScale = 0.3;
-// The same for interreflected light [1]. It goes with the square of the albedo, so it is less
-// certain. An assumption.
+// The same for interreflected light [1]. It is proportional to the square of the albedo, so it is
+// less certain. An assumption.
 constexpr double kInterreflectionScale = 0.5;
 // Prior standard deviation of a dark charge whose uncertainty is not stated [electrons]. An
 // assumption.

@@ -13,8 +13,8 @@
 namespace sightline {
 namespace {
 
-// A camera file must have a quantum efficiency; this one stands where it is not measured. A usual
-// value of monochrome cameras in green light [1].
+// Default for an unmeasured quantum efficiency, since a camera file must have one. A usual value of
+// monochrome cameras in green light [1].
 constexpr double kUnknownEfficiency = 0.5;
 // Wavelength at which the camera file has it [m]: green, as most EMVA 1288 data sheets.
 constexpr double kGreen_m = 550e-9;

@@ -14,13 +14,13 @@
 namespace sightline {
 namespace {
 
-// Fewer frames do not determine a slope beside their noise. Chosen.
+// Fewer frames do not determine a slope in addition to their noise. Chosen.
 constexpr int kFewestFramesForDrift = 8;
 // Smallest changes that matter: of the light, relative, a tenth of the photon noise of a full pixel
 // of 10 000 electrons; of the black level, a fraction of the quantisation step [DN]. Chosen.
 constexpr double kMaterialLight = 1e-3, kMaterialBlackLevel_dn = 0.1;
 
-// The level that is looked at, with the words of its descriptions.
+// The level under test, with the texts of its descriptions.
 struct FrameLevel {
   std::string_view noise_name, drift_name;
   const char *noise_stage, *level, *condition;

@@ -31,8 +31,8 @@ double Gain(const LawSearch& search, const Standardised& data) {
   return FitForm(data, search.constant()).description - found.front().fit.description;
 }
 
-// Whether the gain stands out from those of permuted residuals about the constant. Stops as soon as
-// enough of them reached it.
+// True if the gain exceeds those of permuted residuals about the constant significantly. Stops as
+// soon as enough permutations have reached it.
 bool IsSignificant(const LawSearch& search, const Standardised& data, double gain,
                    const SetupLawSettings& settings) {
   if (!(gain > 0)) return false;

@@ -36,7 +36,7 @@ ScreeningResult ScreenBeside(const Context& context, const Hypothesis& random) {
   return ScreenNamed(context, Screening(context.model, about), 0.96);
 }
 
-// Effects that may stand beside `random`, fitted without it.
+// Effects that may be combined with `random`, fitted without it.
 StageResult BasesBeside(const Context& context, const Hypothesis& random) {
   const ScreeningResult beside =
       NullIsRejected(context) ? ScreenBeside(context, random) : ScreeningResult{};

@@ -28,7 +28,7 @@ std::set<Stage> StagesOf(const Hypothesis& hypothesis) {
   return stages;
 }
 
-// The realised values of a random effect say nothing about settings that were held out.
+// Realised values of a random effect are uninformative about held-out settings.
 bool CanPredictSettings(const Hypothesis& hypothesis) {
   return !hypothesis.effects.empty() && hypothesis.realised.empty() &&
          hypothesis.phases_rad.empty() &&

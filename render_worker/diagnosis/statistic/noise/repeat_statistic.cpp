@@ -48,7 +48,7 @@ struct BinSums {
   double mean_dn = 0, variance_dn2 = 0;
 };
 
-// Adds the expected mean and temporal variance of a pixel that stands for its segment. `moved`:
+// Adds the expected mean and temporal variance of a pixel that represents its segment. `moved`:
 // decorrelation of the speckle between the two recordings.
 void AddExpectedPixel(const ExpectedFrame& first, const ExpectedFrame& second, int row,
                       const PixelPlane& plane, const CommonFactor& factor, double moved,

@@ -13,8 +13,8 @@ namespace sightline {
 
 namespace {
 
-// Squared relative signal that is left because samples stand for segments. Chosen: a relative error
-// of 0.3 %, below a usual PRNU.
+// Residual squared relative signal, since samples represent segments. Chosen: a relative error of
+// 0.3 %, below a usual PRNU.
 constexpr double kPatternError = 1e-5;
 // Relative error of the products of the light along the line. Chosen: recordings are weighted by
 // their light, and the expectation weights them all alike.

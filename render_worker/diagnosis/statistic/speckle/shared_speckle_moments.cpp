@@ -104,8 +104,8 @@ class MomentSums {
                                expected.strips.front()[block.pairs[i].second], expected.effects));
       if (i > 0) moments_.common.emplace_back(Eigen::MatrixXd::Zero(bins, bins));
     }
-    // The columns of one cell of the colour filter stand for all of their segment. Columns of a
-    // mono sensor are alike unless an effect makes odd and even ones differ.
+    // The columns of one colour-filter cell represent all of their segment. Columns of a mono
+    // sensor are equal unless an effect makes odd and even ones differ.
     const Sensor& sensor = expected.strips.front()[block.frames.front()].frame.sensor;
     const bool mono = sensor.colour_filter == ColourFilter::kMono;
     cell_columns_ = mono && !ColumnsAlternate(expected.effects) ? 1 : 2;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Photo-electrons that diffuse into each of the four neighbours, a fraction c each. It acts on the
-// means: every electron goes its own way, so the pixels' numbers stay independent Poisson numbers.
+// means: electrons move independently, so the pixels' numbers stay independent Poisson numbers.
 #include "render_worker/effects/charge_flow.h"
 #include "render_worker/effects/described_effect.h"
 #include "render_worker/effects/vocabulary.h"

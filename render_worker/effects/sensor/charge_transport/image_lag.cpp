@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Charge left behind at readout comes with the next frame: c_n = q_n + l c_(n-1), of which 1 - l is
-// read out. In terms of what was read out before: (1 - l) q_n + l previous. Without a frame before,
-// the pixel was empty.
+// Charge left behind at readout is added to the next frame: c_n = q_n + l c_(n-1), of which 1 - l
+// is read out. Expressed by the previous readout: (1 - l) q_n + l previous. Without a previous
+// frame the pixel was empty.
 #include "render_worker/effects/described_effect.h"
 #include "render_worker/effects/vocabulary.h"
 
