@@ -161,8 +161,7 @@ std::optional<bool> TableSays(const LightLimit& limit, const ScanGeometry& geome
     if (first_normal.isZero()) {
       first_normal = normal;
       const auto degrees = [&](const Eigen::Vector3d& d) {
-        return std::acos(std::clamp(normal.dot(d.normalized()), -1.0, 1.0)) * 180 /
-               3.14159265358979;
+        return std::acos(std::clamp(normal.dot(d.normalized()), -1.0, 1.0)) / kRadPerDeg;
       };
       segment->camera_incidence_deg = degrees(to_camera);
       segment->laser_incidence_deg = degrees(to_laser);

@@ -185,7 +185,7 @@ class EmbeddedServerImpl final : public EmbeddedServer {
   }
 
  private:
-  // By a monotonic clock.
+  // Returns the end of `timeout` from now, on a monotonic clock.
   static std::chrono::steady_clock::time_point Deadline(absl::Duration timeout) {
     return std::chrono::steady_clock::now() + absl::ToChronoNanoseconds(timeout);
   }
